@@ -28,8 +28,8 @@ from rigd.analysis.report import (
     SummaryRow,
     summary_rows,
 )
-from rigd.analysis.report.models import HEADS, model_rows
 from rigd.analysis.report.opening import opening_of
+from rigd.analysis.report.tables.models import HEADS, model_rows
 from rigd.analysis.result import Curve, FitOutcome, IdentificationResult, Verdict
 from rigd.analysis.side_by_side import side_by_side
 from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rigd.record import Recording, verify
 from rigd.record.read.condition import FileCondition
-from rigd.record.read.ros2msg import numbers_of
+from rigd.record.read.messages.ros2msg import numbers_of
 
 LINE = "=" * 80
 DEFINITION = f"""\

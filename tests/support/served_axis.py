@@ -16,18 +16,18 @@ from support import file_axis
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
-from rigd.daemon.serve.audit import AuditLog
-from rigd.daemon.serve.certificates import CertificateWatch
 from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.handlers import Parts
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
-from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.recordings import Recordings
-from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.service import RigService
 from rigd.daemon.serve.steering import Steering
-from rigd.daemon.serve.trips import TripMemory
+from rigd.daemon.serve.upkeep.audit import AuditLog
+from rigd.daemon.serve.upkeep.certificates import CertificateWatch
+from rigd.daemon.serve.upkeep.notices import Notices
+from rigd.daemon.serve.upkeep.recovery import Interruptions
+from rigd.daemon.serve.upkeep.trips import TripMemory
 from rigd.daemon.serve.worker import CalculationWorker
 from rigd.engine.run import run
 from rigd.engine.shared import RunFolder

@@ -9,7 +9,7 @@ from rigd.analysis.report.section import (
     ReportAttachment,
     ReportSection,
 )
-from rigd.analysis.report.summary import SummaryRow, summary_rows
+from rigd.analysis.report.tables.summary import SummaryRow, summary_rows
 
 __all__ = [
     "Facts",

@@ -13,8 +13,8 @@ from rigd.analysis.report.plots.axes import words
 from rigd.analysis.report.plots.curve import curves
 from rigd.analysis.report.plots.trial import DASHES, fits_side_by_side, signal_overlay
 from rigd.analysis.report.section import ReportSection
-from rigd.analysis.report.summary import KNOWN_FIRST, SummaryRow, summary_rows
 from rigd.analysis.report.svg import Drawing, draw
+from rigd.analysis.report.tables.summary import KNOWN_FIRST, SummaryRow, summary_rows
 from rigd.analysis.result import TrialFit
 
 Chosen = list[tuple[int, ReportSection, TrialFit]]

@@ -13,11 +13,9 @@ from functools import partial
 
 from matplotlib.figure import Figure
 
-from rigd.analysis.report.budget import BudgetTable, budget_table
 from rigd.analysis.report.comparison import GroupComparison, comparison
 from rigd.analysis.report.files import saving
 from rigd.analysis.report.layout import Panel, featured, names_condition, panels
-from rigd.analysis.report.models import HEADS, ModelRow, model_rows
 from rigd.analysis.report.plots import (
     correlation,
     models,
@@ -29,9 +27,11 @@ from rigd.analysis.report.plots import (
 from rigd.analysis.report.plots.axes import words
 from rigd.analysis.report.rounding import count, interval, number
 from rigd.analysis.report.section import ReportSection
-from rigd.analysis.report.starts import StartTable, start_table
-from rigd.analysis.report.summary import SummaryRow, summary_rows
 from rigd.analysis.report.svg import Drawing, draw
+from rigd.analysis.report.tables.models import HEADS, ModelRow, model_rows
+from rigd.analysis.report.tables.starts import StartTable, start_table
+from rigd.analysis.report.tables.summary import SummaryRow, summary_rows
+from rigd.analysis.report.tables.uncertainty_budget import BudgetTable, budget_table
 from rigd.analysis.result import IdentificationResult, Profile, TrialFit
 from rigd.analysis.side_by_side import side_by_side
 

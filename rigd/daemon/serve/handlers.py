@@ -7,16 +7,16 @@ from pathlib import Path
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
-from rigd.daemon.serve.audit import AuditLog
-from rigd.daemon.serve.certificates import CertificateWatch
 from rigd.daemon.serve.compared_pages import ComparedPages
 from rigd.daemon.serve.describe import describe
 from rigd.daemon.serve.library import Library
-from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.recordings import Recordings, is_drawn
-from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.steering import Steering
-from rigd.daemon.serve.trips import TripMemory
+from rigd.daemon.serve.upkeep.audit import AuditLog
+from rigd.daemon.serve.upkeep.certificates import CertificateWatch
+from rigd.daemon.serve.upkeep.notices import Notices
+from rigd.daemon.serve.upkeep.recovery import Interruptions
+from rigd.daemon.serve.upkeep.trips import TripMemory
 from rigd.daemon.serve.worker import CalculationWorker
 from rigd.model.pages import page_of
 from rigd.model.severity import Severity

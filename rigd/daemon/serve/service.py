@@ -13,9 +13,9 @@ from typing import Any
 
 from rigd import __version__
 from rigd.daemon.provenance import trial_label
-from rigd.daemon.serve.descriptors import counts
 from rigd.daemon.serve.handlers import Parts, bind_handlers
 from rigd.daemon.serve.running import Running, loss_of
+from rigd.daemon.serve.upkeep.descriptors import counts
 from rigd.daemon.waiting import what_waits
 from rigd.model.errors import ConfigError, RigdError
 from rigd.procedure.program import CompiledProcedure, TrialPlan

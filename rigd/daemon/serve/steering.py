@@ -25,10 +25,10 @@ from rigd.daemon.live import Feed
 from rigd.daemon.resume import ResumePoint, left_out, read_resume_point
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
-from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.prompts import RemoteAnswers
 from rigd.daemon.serve.running import RunListeners, Running
-from rigd.daemon.serve.trips import RememberedTrip, TripMemory
+from rigd.daemon.serve.upkeep.notices import Notices
+from rigd.daemon.serve.upkeep.trips import RememberedTrip, TripMemory
 from rigd.engine.play.control import Control
 from rigd.engine.play.interlocks import Trip
 from rigd.engine.run.result import TimeLeft

@@ -13,8 +13,8 @@ from rigd.record.events.gaps import Gap, gap_text, gaps_json
 from rigd.record.events.trials import INTERRUPTED, TrialInfo
 from rigd.record.mcap.prefix import RECOVERY_METADATA
 from rigd.record.read.condition import FileCondition, Foreign, foreign_json
+from rigd.record.read.messages.topics import Topic
 from rigd.record.read.notes import Note, notes_in
-from rigd.record.read.topics import Topic
 
 if TYPE_CHECKING:
     from rigd.config.lab.lab import Specimen

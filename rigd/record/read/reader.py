@@ -29,7 +29,6 @@ from rigd.record.mcap.schema import EVENTS_STREAM
 from rigd.record.mcap.wire import Malformed
 from rigd.record.read.attachments import Attachments
 from rigd.record.read.condition import LAST_NS, FileCondition, Foreign
-from rigd.record.read.decode import Channels
 from rigd.record.read.index import (
     by_rigd,
     damaged,
@@ -41,9 +40,10 @@ from rigd.record.read.index import (
     walked,
 )
 from rigd.record.read.info import NO_RUN, RunInfo, StreamInfo, info_of, run_state
+from rigd.record.read.messages.chunk_rows import Channels
+from rigd.record.read.messages.topics import Topics, topics_in
 from rigd.record.read.rows import Chunks
 from rigd.record.read.tables import Table, stream_table
-from rigd.record.read.topics import Topics, topics_in
 from rigd.record.read.trial import Trial, Trials
 from rigd.record.scan.scan import Scan
 

@@ -22,9 +22,15 @@ from rigd.record.mcap.crc import crc32
 from rigd.record.mcap.file import RecordingInUse
 from rigd.record.mcap.wire import Malformed
 from rigd.record.read.condition import LAST_NS
-from rigd.record.read.decode import Channels, KeptMessages, Messages, in_order, numbered_dtype
 from rigd.record.read.index import bytes_at, damaged, opened, record_in, require_same
-from rigd.record.read.topics import Topics
+from rigd.record.read.messages.chunk_rows import (
+    Channels,
+    KeptMessages,
+    Messages,
+    in_order,
+    numbered_dtype,
+)
+from rigd.record.read.messages.topics import Topics
 
 
 @dataclass(frozen=True, eq=False)

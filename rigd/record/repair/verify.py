@@ -25,8 +25,8 @@ from rigd.record.read.condition import (
     writer_of,
 )
 from rigd.record.read.index import damaged
+from rigd.record.read.messages.topics import Topic
 from rigd.record.read.reader import Recording
-from rigd.record.read.topics import Topic
 from rigd.record.scan.scan import Damage, Scan, scan
 
 

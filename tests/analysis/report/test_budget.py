@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rigd.analysis.report import ReportSection
-from rigd.analysis.report.budget import OTHERS, budget_table
+from rigd.analysis.report.tables.uncertainty_budget import OTHERS, budget_table
 
 BUDGET = {
     "sigma_0": {"noise": 3e-3, "gravity": 4e-3, "slope of the floor": 1e-5},

@@ -12,8 +12,8 @@ from support.markup import outline
 
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.report import Provenance, ReportSection
-from rigd.analysis.report.models import model_rows
 from rigd.analysis.report.plots.models import models
+from rigd.analysis.report.tables.models import model_rows
 from rigd.analysis.result import ModelComparison, ModelScore
 from rigd.analysis.terminal import TerminalTable
 

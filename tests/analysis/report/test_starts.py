@@ -2,7 +2,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rigd.analysis.report import ReportSection
-from rigd.analysis.report.starts import start_table
+from rigd.analysis.report.tables.starts import start_table
 
 Maker = Callable[..., ReportSection]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.upkeep.audit import AuditLog
 from rigd.model.errors import RecordingError
 
 START_NS = 1_790_000_000_000_000_000

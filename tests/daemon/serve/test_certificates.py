@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rigd.config.remote import RemoteSetup
-from rigd.daemon.serve.certificates import CertificateWatch
+from rigd.daemon.serve.upkeep.certificates import CertificateWatch
 from rigd.remote.certificates import SOON
 from rigd.remote.tls import SERVER, VALID, files_of, setup_tls
 

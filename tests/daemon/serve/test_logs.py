@@ -8,7 +8,7 @@ import logging
 
 import pytest
 
-from rigd.daemon.serve.logs import logging_to
+from rigd.daemon.serve.upkeep.logs import logging_to
 
 LOG = logging.getLogger("rigd.test")
 

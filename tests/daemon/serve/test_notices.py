@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from rigd.daemon.serve.notices import KEPT, Notices
+from rigd.daemon.serve.upkeep.notices import KEPT, Notices
 
 
 def test_client_text_cannot_break_lines_or_steer_terminal(

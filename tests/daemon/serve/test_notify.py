@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.daemon.serve.notify import Notifier
+from rigd.daemon.serve.upkeep.notify import Notifier
 
 
 @pytest.fixture(params=["path", "abstract"])

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.recordings import Recordings
-from rigd.daemon.serve.recovery import OFFERED, Interruptions
-from rigd.daemon.serve.trips import TripMemory
+from rigd.daemon.serve.upkeep.notices import Notices
+from rigd.daemon.serve.upkeep.recovery import OFFERED, Interruptions
+from rigd.daemon.serve.upkeep.trips import TripMemory
 from rigd.engine.shared import RunFolder
 from rigd.model.channels import Channel, Stream
 from rigd.record import NO_TRIAL, Recording, RecordingWriter

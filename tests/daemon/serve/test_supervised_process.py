@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from support.blocks import alive
 
-from rigd.daemon.serve import supervised_process as module
-from rigd.daemon.serve.notices import Notices
-from rigd.daemon.serve.supervised_process import SupervisedProcess
+from rigd.daemon.serve.upkeep import supervised_process as module
+from rigd.daemon.serve.upkeep.notices import Notices
+from rigd.daemon.serve.upkeep.supervised_process import SupervisedProcess
 
 #: Writes its process id, then waits to be ended.
 COMMAND = "import os, pathlib, sys, time; p = pathlib.Path(sys.argv[1]); \
@@ -96,8 +96,8 @@ def test_child_that_always_dies_is_started_less_often(monkeypatch: pytest.Monkey
 def test_process_ends_when_the_daemon_is_killed(tmp_path: Path) -> None:
     said = tmp_path / "pid"
     daemon = (
-        "import sys, time; from rigd.daemon.serve.supervised_process import SupervisedProcess; "
-        "from rigd.daemon.serve.notices import Notices; "
+        "import sys, time; from rigd.daemon.serve.upkeep.notices import Notices; "
+        "from rigd.daemon.serve.upkeep.supervised_process import SupervisedProcess; "
         "p = SupervisedProcess('it', sys.argv[1:], Notices(lambda: None)); p.__enter__(); "
         "time.sleep(600)"
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.daemon.serve.trips import RememberedTrip, TripMemory
+from rigd.daemon.serve.upkeep.trips import RememberedTrip, TripMemory
 from rigd.engine.play.interlocks import Trip
 from rigd.model.errors import RecordingError
 from rigd.model.limits import Interlock

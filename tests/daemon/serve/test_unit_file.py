@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import pytest
 
 from rigd.cli.main import build_parser
-from rigd.daemon.serve.descriptors import WANTED
-from rigd.daemon.serve.notify import SIGN_S
+from rigd.daemon.serve.upkeep.descriptors import WANTED
+from rigd.daemon.serve.upkeep.notify import SIGN_S
 from rigd.sdk.shipped import shipped_folder
 
 

@@ -1,8 +1,8 @@
 """Finds which topics of a file have columns, and how the messages of each are decoded.
 
 rigd writes every stream as CDR messages of float64s, and describes it in the metadata of the
-channel. Of other programs, those of the encodings in :mod:`~rigd.record.read.fields` are decoded
-too.
+channel. Of other programs, those of the encodings in :mod:`~rigd.record.read.messages.fields` are
+decoded too.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from rigd.record.mcap.schema import (
     stream_from_schema,
 )
 from rigd.record.mcap.wire import Malformed
-from rigd.record.read.decode import Channels
-from rigd.record.read.fields import Decode, columns_of
+from rigd.record.read.messages.chunk_rows import Channels
+from rigd.record.read.messages.fields import Decode, columns_of
 
 _OWN = {EVENTS_TOPIC: EVENTS_TYPE, TRIAL_TOPIC: TRIAL_TYPE}
 

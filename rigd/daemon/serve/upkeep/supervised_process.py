@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import Final, Self
 
-from rigd.daemon.serve.notices import Notices
+from rigd.daemon.serve.upkeep.notices import Notices
 from rigd.engine.system.child import Child
 
 #: One that died is started again at once. If it dies again it is started after this long, and after

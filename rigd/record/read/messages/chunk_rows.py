@@ -27,7 +27,7 @@ from rigd.record.mcap.chunks import (
     uniform_messages,
 )
 from rigd.record.mcap.wire import FRAME, Malformed
-from rigd.record.read.fields import Decode
+from rigd.record.read.messages.fields import Decode
 
 #: The numbers of the channels of a topic; a file of another program may have several.
 Channels = tuple[int, ...]

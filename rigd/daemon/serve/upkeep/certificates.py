@@ -11,7 +11,7 @@ from datetime import UTC, date, datetime, timedelta
 from typing import Final, Literal
 
 from rigd.config.remote import RemoteSetup
-from rigd.daemon.serve.notices import Level
+from rigd.daemon.serve.upkeep.notices import Level
 from rigd.model.errors import ConfigError
 from rigd.remote.certificates import RENEW, SOON, end_of
 from rigd.remote.protocol.status import CertificateView

@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 from typing import Final
 
-from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.recordings import Recordings, interrupted
-from rigd.daemon.serve.trips import RememberedTrip, TripMemory
+from rigd.daemon.serve.upkeep.notices import Notices
+from rigd.daemon.serve.upkeep.trips import RememberedTrip, TripMemory
 from rigd.engine.recorder import drain_leftovers
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import RecordingError

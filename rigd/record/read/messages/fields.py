@@ -12,7 +12,7 @@ from mcap.records import Channel, Schema
 from rigd.model import Channel as Column
 from rigd.model import Stream
 from rigd.model.rows import TIME_FIELD
-from rigd.record.read.ros2msg import numbers_of
+from rigd.record.read.messages.ros2msg import numbers_of
 
 #: Returns the values of the columns of a message, NaN where it has none.
 Decode = Callable[[memoryview], tuple[float, ...]]

@@ -1,0 +1,1 @@
+"""Makes the tables of a report as data: parameters, models, starts, uncertainty."""

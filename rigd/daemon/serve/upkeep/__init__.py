@@ -1,0 +1,1 @@
+"""Keeps what a daemon has beside its rig: logs, audit, certificates, trips, child processes."""

@@ -1,0 +1,1 @@
+"""Decodes the messages of each topic to rows of numbers."""
