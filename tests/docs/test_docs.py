@@ -82,6 +82,7 @@ DOCUMENTS = (
     "remote.md",
     "ci.md",
     "glossary.md",
+    "testing.md",
 )
 #: Documents whose commands need a daemon: that of lugre-1, which clients find by its name.
 SERVED = frozenset({"remote.md"})
@@ -111,6 +112,7 @@ UNCHECKED = {
     "drivers.md": 4,
     "analyses.md": 0,
     "friction_laws.md": 1,
+    "testing.md": 0,
     "new_rig.md": 1,
     "mechanism.md": 0,
     "plants.md": 3,
