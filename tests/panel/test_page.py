@@ -469,8 +469,8 @@ def test_traces_are_held_moved_zoomed_and_live_again(panel: ServedPanel, watched
     page = running(panel, watched)
     wait_until(lambda: drawn(page) > 20)
     press(page, "Hold")
-    before = drawn(page)
     expect(page.locator(".behind")).to_contain_text("held at")
+    before = drawn(page)
     page.wait_for_timeout(500)
     assert drawn(page) <= before + 1
     box = page.locator(".u-over").first.bounding_box()

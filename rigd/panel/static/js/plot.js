@@ -1,6 +1,6 @@
 // One plot: the channels of one unit, drawn by uPlot as the extremes of each column of pixels.
 
-import uPlot from "../vendor/uPlot.esm.js";
+import uPlot from "../vendor/uPlot.js";
 import { colourOf, toggle } from "./choice.js";
 import { el, flag, setText } from "./dom.js";
 import { clock, short, steady, unit } from "./format.js";
