@@ -29,6 +29,14 @@ def test_page_cut_off_shows_it_and_recovers(panel: ServedPanel, watched: Watched
     expect(lost).to_be_hidden()
 
 
+def test_page_that_gets_no_plots_still_stops(panel: ServedPanel, watched: Watched) -> None:
+    watched.context.route("**/uPlot.iife.min.js", lambda route: route.abort())
+    page = running(panel, watched)
+    press(page, "Stop")
+    state(page, "Stopping")
+    expect(page.locator(".stop-result")).to_contain_text("Stop: confirmed")
+
+
 def test_an_undelivered_stop_can_be_withdrawn(panel: ServedPanel, watched: Watched) -> None:
     page = running(panel, watched)
     panel.line.is_cut = True
