@@ -24,7 +24,7 @@ from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
 from rigd.sdk.options.options import options_of
 
-_NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
+NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 #: Every call on a driver that is not open must return at once; machines stall, so in s:
 AT_ONCE_S: Final = 2.0
 #: Two addresses of this computer; simulated devices are at the first.
@@ -216,13 +216,10 @@ def _setpoints(subject: Subject) -> Iterator[str]:
     cls = subject.driver_class
     if setpoints and issubclass(cls, BlockDriver):
         yield "it has setpoints, and a block driver cannot take them"
-    elif issubclass(cls, Driver) and setpoints and cls.write is Driver.write:
-        yield "it has setpoints, and write() is not its own"
-    elif issubclass(cls, SlowDriver) and setpoints:
-        own = {"write": SlowDriver.write, "make_safe": SlowDriver.make_safe}
-        for name, method in own.items():
-            if getattr(cls, name) is method:
-                yield f"it has setpoints, and {name}() is not its own"
+    kind = SlowDriver if issubclass(cls, SlowDriver) else Driver
+    for name in ("write", "make_safe") if setpoints and issubclass(cls, kind) else ():
+        if getattr(cls, name) is getattr(kind, name):
+            yield f"it has setpoints, and {name}() is not its own"
 
 
 def _status_bits(subject: Subject) -> Iterator[str]:
@@ -230,7 +227,7 @@ def _status_bits(subject: Subject) -> Iterator[str]:
     if declared.status_bits and not declared.has_status:
         yield "it has status_bits, and no status word"
     for word, mask in declared.status_bits.items():
-        if not _NAME.fullmatch(word) or word == "not":
+        if not NAME.fullmatch(word) or word == "not":
             yield f"status bit {word!r}: conditions could not be written with it"
         if not 0 < mask < STALE:
             yield f"status bit {word!r} is {mask:#x}, not within bits 0 to 30"
@@ -251,7 +248,7 @@ def _hooks(subject: Subject) -> Iterator[str]:
     if declared.actions and not acts:
         yield f"it has the actions {', '.join(declared.actions)}, and act() is not its own"
     for name, doc in declared.actions.items():
-        if not _NAME.fullmatch(name) or not doc.strip():
+        if not NAME.fullmatch(name) or not doc.strip():
             yield f"action {name!r} is described as {doc!r}"
 
 
@@ -300,13 +297,10 @@ def _listened(make: Callable[[], object]) -> tuple[object, list[str]]:
 
 def _unopened(subject: Subject) -> Iterator[str]:
     with any_bench(subject) as (found, _, _):
-        driver = found.driver
-        steps: list[tuple[str, Callable[[], object]]] = []
-        if isinstance(driver, Driver):
-            steps = [("make_safe", driver.make_safe), ("make_safe again", driver.make_safe)]
-        for name, step in (*steps, ("close", driver.close), ("close again", driver.close)):
+        names = ("make_safe", "close") if isinstance(found.driver, Driver) else ("close",)
+        for name in (each for each in names for _ in range(2)):
             try:
-                ended = found.call(step, AT_ONCE_S)
+                ended = found.call(getattr(found.driver, name), AT_ONCE_S)
             except Hung as hung:
                 yield f"{name} before open {hung}"
                 return
@@ -317,7 +311,7 @@ def _unopened(subject: Subject) -> Iterator[str]:
 def _named_well(what: str, channels: tuple[Channel, ...]) -> Iterator[str]:
     names = [channel.name for channel in channels]
     for channel in channels:
-        if not _NAME.fullmatch(channel.name):
+        if not NAME.fullmatch(channel.name):
             yield f"{what} {channel.name!r}: lower case letters, digits and _ make a name"
         if names.count(channel.name) > 1:
             yield f"{what} {channel.name!r} is there more than once"

@@ -12,16 +12,15 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rigd.model.errors import RigdError
 from rigd.sdk.check.subject import UnfitSubject, described
 from rigd.sdk.driver import BlockDriver, Driver
 from rigd.sdk.plant import Energy, Plant, PlantConfig
-
-if TYPE_CHECKING:  # drivers are checked without numpy
-    import numpy as np
-    from numpy.typing import NDArray
 
 #: Time between two readings of the devices, and between two calls of advance(), in ns.
 CYCLE_NS: Final = 1_000_000
@@ -74,8 +73,6 @@ class Played:
 
     def table(self, name: str) -> NDArray[np.float64]:
         """Return the rows of a device, shape (rows, columns)."""
-        import numpy as np
-
         return np.array(self.rows[name], dtype=np.float64)
 
 
@@ -208,14 +205,12 @@ class PlantBench:
 
 def gentle(driver: Driver, cycle: int) -> Sequence[float]:
     """Return setpoints within the middle four fifths of their ranges, each at a pace of its own."""
-    values = []
-    for number, setpoint in enumerate(driver.declaration.setpoints):
-        phase = 2 * math.pi * (0.9 + 0.7 * number) * cycle * CYCLE_NS * 1e-9
-        values.append(
-            0.5 * (setpoint.low + setpoint.high)
-            + 0.4 * (setpoint.high - setpoint.low) * math.sin(phase)
-        )
-    return values
+    turns = 2 * math.pi * cycle * CYCLE_NS * 1e-9
+    return [
+        0.5 * (each.low + each.high)
+        + 0.4 * (each.high - each.low) * math.sin((0.9 + 0.7 * number) * turns)
+        for number, each in enumerate(driver.declaration.setpoints)
+    ]
 
 
 def mirrored(driver: Driver, cycle: int) -> Sequence[float]:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rigd.sdk.check.plant_bench import (
     CYCLES,
@@ -23,10 +26,6 @@ from rigd.sdk.check.plant_rules import (
     other_parameters,
 )
 from rigd.sdk.plant import Energy
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 #: Share of the energy turned over that counts as rounding.
 ROUNDING: Final = 1e-9
@@ -65,15 +64,15 @@ def _driven(
 
 def turned_over(energies: Sequence[Energy]) -> float:
     """Return the energy in J that was moved in all."""
-    first = energies[0]
-    return max(
-        max(
-            abs(energy.stored - first.stored),
-            abs(energy.supplied - first.supplied),
-            energy.dissipated,
-        )
-        for energy in energies
-    )
+    return float(np.max(abs(_moved(energies))))
+
+
+def _moved(energies: Sequence[Energy]) -> NDArray[np.float64]:
+    """Return what was stored, supplied and dissipated since the first, in J, shape (3, n)."""
+    table: NDArray[np.float64] = np.array(
+        [(each.stored, each.supplied, each.dissipated) for each in energies]
+    ).T
+    return table - table[:, :1]
 
 
 def _balances(subject: PlantSubject) -> Iterator[str]:
@@ -97,14 +96,10 @@ def _balanced(subject: PlantSubject, accuracy: float) -> Iterator[str]:
 
 def unbalanced(energies: Sequence[Energy], accuracy: float) -> str:
     """Return by how much the energy does not balance within ``accuracy``; "" if it does."""
-    whole, first = turned_over(energies), energies[0]
-    excess = [
-        (energy.stored - first.stored)
-        - (energy.supplied - first.supplied)
-        + (energy.dissipated - first.dissipated)
-        for energy in energies
-    ]
-    at = max(range(len(excess)), key=lambda look: abs(excess[look]))
+    whole = turned_over(energies)
+    stored, supplied, dissipated = _moved(energies)
+    excess = stored - supplied + dissipated
+    at = int(np.argmax(abs(excess)))
     if abs(excess[at]) <= accuracy * whole:  # a NaN is a breach too
         return ""
     word = "created" if excess[at] > 0 else "lost"
@@ -129,17 +124,13 @@ def _dissipates(subject: PlantSubject) -> Iterator[str]:
 def _passive(subject: PlantSubject) -> Iterator[str]:
     moving, resting = _driven(subject)
     most = subject.accuracy * turned_over([*moving, *resting])
-    lowest = moving[-1]
-    least_stored, least_supplied = lowest.stored, lowest.supplied
-    for cycle, item in enumerate(resting):
-        least_stored = min(least_stored, item.stored)
-        least_supplied = min(least_supplied, item.supplied)
-        if item.supplied - least_supplied > most:
-            yield f"the actuators supply {item.supplied - least_supplied:.3g} J within {cycle} ms"
-            return
-        if item.stored - least_stored > most:
-            yield f"the stored energy rises by {item.stored - least_stored:.3g} J in {cycle} ms"
-            return
+    stored, supplied, _ = _moved([moving[-1], *resting])
+    for words, values in (
+        ("the actuators supply", supplied), ("the stored energy rises by", stored),
+    ):  # fmt: skip
+        rises = values - np.minimum.accumulate(values)
+        for cycle in np.flatnonzero(rises > most)[:1]:
+            yield f"{words} {rises[cycle]:.3g} J within {cycle - 1} ms"
 
 
 def _halved(subject: PlantSubject) -> Iterator[str]:
@@ -167,8 +158,6 @@ def _truth(subject: PlantSubject, step_ns: int) -> NDArray[np.float64]:
 
 def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Return the rms difference of two tables over the range of each column, rms of all."""
-    import numpy as np
-
     span = np.ptp(b, axis=0)
     moved = span > 0.0
     if not moved.any():

@@ -5,19 +5,20 @@ from __future__ import annotations
 import json
 import math
 import random
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.units import format_quantity, parse_quantity, parse_unit
-from rigd.sdk.check.declared import bare, lenient, title_problems, undocumented
+from rigd.sdk.check.declared import NAME, bare, lenient, title_problems, undocumented
 from rigd.sdk.check.plant_bench import (
     CYCLES,
     Commands,
@@ -36,11 +37,6 @@ from rigd.sdk.plant import Plant, PlantConfig
 from rigd.sdk.setting import Setting
 from rigd.sdk.yaml.document import parse_document
 
-if TYPE_CHECKING:  # drivers are checked without numpy
-    import numpy as np
-    from numpy.typing import NDArray
-
-_NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 #: Two channels show the same quantity if they go together so well; one may fall short of the other,
 #: as a drive at the end of its supply does, by so much.
 ALIKE: Final = 0.95
@@ -173,10 +169,10 @@ def _with(node: Any, path: tuple[str, ...], value: str) -> Any:
 def _settings(subject: PlantSubject) -> Iterator[str]:
     plant, settings = subject.make(), subject.config().settings()
     for name, setting in settings.items():
-        if not _NAME.fullmatch(name):
+        if not NAME.fullmatch(name):
             yield f"setting {name!r}: lower case letters, digits and _ make a name"
         yield from _well_described(name, setting)
-        for value in _impossible(setting):
+        for value in ("no such value", math.inf, math.nan if setting.unit else 1.0):
             yield from _refuses(plant, name, value)
     yield from _refuses(plant, "no_such_setting_", 1.0)
 
@@ -191,10 +187,6 @@ def _well_described(name: str, setting: Setting) -> Iterator[str]:
     finite = math.isfinite(setting.low) and math.isfinite(setting.high)
     if not setting.choices and not (finite and setting.low < setting.high and setting.unit):
         yield f"setting {name!r} takes {setting}: neither choices nor a range with a unit"
-
-
-def _impossible(setting: Setting) -> tuple[float | str, ...]:
-    return ("no such value", math.nan, math.inf) if setting.unit else ("no such value", 1.0)
 
 
 def _refuses(plant: Plant, name: str, value: float | str) -> Iterator[str]:
@@ -240,8 +232,6 @@ def changes_of(settings: Mapping[str, Setting]) -> Iterator[tuple[str, float | s
 
 
 def _not_finite(bench: PlantBench, seen: Played) -> Iterator[str]:
-    import numpy as np
-
     for name, driver in bench.devices.items():
         rows = seen.table(name)
         if not rows.size:
@@ -269,8 +259,6 @@ def _files(subject: PlantSubject) -> Iterator[str]:
 
 def _units(subject: PlantSubject) -> Iterator[str]:
     """Compare what devices show with the truth, and with setpoints, of the same name and unit."""
-    import numpy as np
-
     for words, of, shown, wanted in _pairs(subject, strong):
         if of != SETPOINT and (leap := _leap(shown, wanted)):
             yield f"{words} leaps by {leap:.3g} against {of}"
@@ -289,8 +277,6 @@ def _pairs(
     subject: PlantSubject, commands: Commands
 ) -> Iterator[tuple[str, str, NDArray[np.float64], NDArray[np.float64]]]:
     """Yield each channel in words, what it is to show, and both as arrays."""
-    import numpy as np
-
     bench = PlantBench(subject, subject.make())
     commanded: dict[str, list[Sequence[float]]] = {}
 
@@ -327,8 +313,6 @@ def _jump(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float:
 
     Counts that are rounded towards zero do; a scale that is off a little does not.
     """
-    import numpy as np
-
     steps = np.diff(np.unique(shown))
     steps = steps[steps > ROUNDING * np.ptp(shown)]
     signs = np.sign(wanted)
@@ -345,8 +329,6 @@ def _jump(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float:
 
 def _leap(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float:
     """Return the largest step of an error that leaps now and then; 0 if it does not."""
-    import numpy as np
-
     least = LEAP_PART * np.ptp(wanted)
     steps = abs(np.diff(shown - wanted))
     share = float(np.mean(steps > least))
@@ -357,8 +339,6 @@ def _leap(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float:
 
 def _factor(shown: NDArray[np.float64], wanted: NDArray[np.float64]) -> float | None:
     """Return what ``shown`` changes by per change of ``wanted``; None if they are not alike."""
-    import numpy as np
-
     both = np.isfinite(shown) & np.isfinite(wanted)
     a, b = shown[both], wanted[both]
     if len(a) < CYCLES // 2 or not a.std() or not b.std():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -125,17 +126,19 @@ def _subject(
     seed: int,
 ) -> tuple[Subject, frozenset[str] | None]:
     """Return the examined driver and the faults of its peer, None without a peer."""
-    subject = Subject(driver_class, options, peer)
+    subject = Subject(driver_class, options, peer, seed=seed)
     faults: frozenset[str] | None = None
-    ending: Collection[str] = ()
-    observes = varies = False
     more: Mapping[str, Any] = {}
     if peer is not None:
         with peer() as first:
             more = first.options
             faults = frozenset(first.faults)
-            ending = faults.difference(first.lasts) if first.mend is not None else ()
-            observes, varies = first.observed is not None, first.vary is not None
+            subject = replace(
+                subject,
+                observes=first.observed is not None,
+                faults=faults.difference(first.lasts) if first.mend is not None else (),
+                varies=first.vary is not None,
+            )
         if unknown := faults - FAULTS.keys():
             raise ValueError(
                 f"the peer has the fault {', '.join(sorted(unknown))}; "
@@ -146,8 +149,8 @@ def _subject(
     except ValidationError as error:
         raise ValueError(f"the options given to the suite are not accepted: {error}") from error
     if not isinstance(options, DriverConfig):  # the rules without a peer need all options
-        options = {**options, **more}
-    return Subject(driver_class, options, peer, observes, ending, varies, seed), faults
+        subject = replace(subject, options={**options, **more})
+    return subject, faults
 
 
 def _kind(driver_class: type[AnyDriver]) -> type[AnyDriver]:
