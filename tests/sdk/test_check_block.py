@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +13,7 @@ from support.memory_wire import Wire, assert_found, each_mistake
 from support.mutants.kinds import KINDS
 
 from rigd.sdk import Block, BlockDriver, Channel, Declaration, DeviceError, DriverConfig, LinkError
-from rigd.sdk.check import Peer, check_driver, examine_driver
+from rigd.sdk.check import Peer, SentReading, check_driver, examine_driver
 from rigd.sdk.check.suite import RULES
 
 ROWS = 10
@@ -230,6 +231,16 @@ class Greedy(Good):
         return block.values[-5].tolist()  # type: ignore[no-any-return]
 
 
+class Hoarding(Good):
+    def __init__(self, config: DriverConfig, link: Wire) -> None:
+        super().__init__(config, link)
+        self.kept: list[Block | None] = []
+
+    def read_block(self, timeout_s: float) -> Block | None:
+        self.kept.append(super().read_block(timeout_s))
+        return self.kept[-1]
+
+
 BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("any order of calls", Closed, "open raises LinkError: never"),
     ("any order of calls", Rateless, "rate_hz is 0.0"),
@@ -250,6 +261,7 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("any order of calls", OpenOnce, "RuntimeError: already open"),
     ("any order of calls", CloseOnce, "close again raises"),
     ("any order of calls", Clinging, "somebody has it"),
+    ("keeps nothing", Hoarding, "bytes for good"),
     ("dead", Inventive, "still gives rows"),
     ("dead", BadWords, "read_block raises OSError"),
     ("silent", Inventive, "still gives rows"),
@@ -262,6 +274,27 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
 @each_mistake(BAD)
 def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[BlockDriver], words: str) -> None:
     assert_found(examine_driver(driver, peer=card, only=[rule]), rule, words)
+
+
+def test_rows_that_wait_for_time_out_are_found() -> None:
+    readings: list[SentReading] = []
+
+    class Collecting(Good):
+        def start(self) -> None:
+            super().start()
+            readings.extend([SentReading(time.monotonic(), {"voltage": 0.0})] * ROWS)
+
+        def read_block(self, timeout_s: float) -> Block | None:
+            time.sleep(timeout_s)  # and collects what comes meanwhile
+            return super().read_block(timeout_s)
+
+    @contextmanager
+    def sending() -> Iterator[Peer]:
+        with card() as peer:
+            yield replace(peer, readings=readings)
+
+    report = examine_driver(Collecting, peer=sending, only=["any order of calls"])
+    assert_found(report, "any order of calls", "rows have come, and read_block waits for 0.")
 
 
 def test_no_rule_is_without_driver_that_breaks_it() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import shutil
 import socket
 import time
@@ -16,7 +17,7 @@ from rigd.sdk.check import Observed, Peer, SentReading
 from rigd.sdk.check.caller import RECEIVES, SENDS, hearing
 from rigd.sdk.check.fast import near
 from rigd.sdk.check.leaks import opens
-from rigd.sdk.check.rows import Matching
+from rigd.sdk.check.rows import Matching, drawn_values
 from rigd.sdk.check.watching import HeldTime, Watcher
 
 SPEED = Channel("speed", "m/s", "speed", -1.0, 1.0)
@@ -159,6 +160,16 @@ def test_rows_in_turn_leave_no_reading_out() -> None:
     problems = [problem for _, problem in known.in_turn([kelvin(299.0), kelvin(301.0)])]
     assert problems == ["", "temperature is 301, and the device has sent 300"]
     assert known.waiting == 1
+
+
+def test_drawn_temperatures_lie_about_the_ice_point() -> None:
+    rng = random.Random(1)
+    degrees = [drawn_values(THERMOMETER, rng)["temperature"] - 273.15 for _ in range(200)]
+    assert min(degrees) < -50.0
+    assert max(degrees) > 50.0
+    close = [value for value in degrees if abs(value) < 1.0]
+    assert len([value for value in close if value < -0.01]) > 5
+    assert len([value for value in close if value > 0.01]) > 5
 
 
 def test_status_bit_is_compared_by_name() -> None:

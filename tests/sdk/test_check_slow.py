@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import socket
 import time
@@ -12,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, ClassVar
 
+import pytest
 from support.memory_wire import Wire, assert_found, each_mistake
 from support.mutants.kinds import KINDS
 
@@ -25,8 +27,9 @@ from rigd.sdk import (
     Row,
     SlowDriver,
 )
-from rigd.sdk.check import Peer, SentReading, check_driver, examine_driver
+from rigd.sdk.check import Observed, Peer, SentReading, check_driver, examine_driver
 from rigd.sdk.check.suite import RULES
+from rigd.sdk.check.watching import HeldTime
 
 
 @contextmanager
@@ -277,6 +280,17 @@ class Curt(Good):
         raise LinkError("no")
 
 
+class Careless(Good):
+    async def run(self, emit: EmitRow) -> None:
+        while self.link.taken:
+            await asyncio.sleep(0.01)
+            emit(self.row())
+        raise LinkError("it is closed")
+
+    async def close(self) -> None:
+        self.link.taken = self.ours = False  # also what another has opened
+
+
 BAD: list[tuple[str, type[SlowDriver], str]] = [
     ("any order of calls", Closed, "open raises LinkError: never"),
     ("any order of calls", Unready, "cold"),
@@ -293,6 +307,7 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
     ("silent", Hopeful, "and act('zero') returns 'zero done'"),
     ("garbled", Hopeful, "and act('zero') returns 'zero done'"),
     ("any order of calls", CloseOnce, "not open"),
+    ("any order of calls", Careless, "LinkError: it is closed"),
     ("dead", Inventive, "still gives rows"),
     ("dead", GivesUp, "run() returns"),
     ("silent", Inventive, "still gives rows"),
@@ -304,6 +319,60 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
     ("not there", Pretending, "open() succeeds"),
     ("not there", Curt, "without a hint"),
 ]
+
+
+@contextmanager
+def zeroed() -> Iterator[Peer]:
+    """Show what has been done."""
+    wire = Wire()
+    yield replace(wire.peer(), observed=lambda: Observed(acted=tuple(wire.acted)))
+
+
+class Zeroing(Good):
+    async def act(self, action: str) -> str:
+        reply = await super().act(action)
+        self.link.acted.append(action)
+        return reply
+
+
+class Insisting(Zeroing):
+    async def act(self, action: str) -> str:
+        with contextlib.suppress(DeviceError):
+            return await super().act(action)
+        self.link.acted += [action] * 2  # it was done, and no answer came
+        raise DeviceError("no answer")
+
+
+class Halting(Zeroing):
+    until_s = 0.0
+
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        return replace(super().declare(config), silent_s=3.0)
+
+    async def act(self, action: str) -> str:
+        reply = await super().act(action)
+        self.until_s = time.monotonic() + 1.0
+        return reply
+
+    async def run(self, emit: EmitRow) -> None:
+        def settled(row: Sequence[float]) -> None:
+            if time.monotonic() > self.until_s:
+                emit(row)
+
+        await super().run(settled)
+
+
+def test_action_done_twice_is_found() -> None:
+    assert examine_driver(Zeroing, peer=zeroed).findings == ()
+    report = examine_driver(Insisting, peer=zeroed, only=["silent"])
+    assert_found(report, "silent", "act('zero') has the device do zero, zero")
+
+
+def test_rows_that_stop_after_action_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(HeldTime, "since", lambda *_: 0.0)  # on a machine that holds nothing back
+    report = examine_driver(Halting, peer=zeroed, only=["any order of calls"])
+    assert_found(report, "any order of calls", "once the device has done it no row comes for 1")
 
 
 @each_mistake(BAD)

@@ -20,6 +20,7 @@ class Wire:
     def __init__(self) -> None:
         self.fault = ""
         self.taken = False
+        self.acted: list[str] = []
 
     def begin(self, fault: str) -> None:
         self.fault = fault

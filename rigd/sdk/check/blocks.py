@@ -16,13 +16,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from rigd.sdk.check.caller import OPEN_S, Caller, CallOutcome
-from rigd.sdk.check.leaks import nothing_left
+from rigd.sdk.check.caller import CLOSES_S, OPEN_S, TAIL_S, Caller, CallOutcome
+from rigd.sdk.check.leaks import kept_for_good, nothing_left
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import Matching, beyond_range
 from rigd.sdk.check.sequences import (
     VALUES,
     DrawnTrial,
+    DrawValue,
     KindOfStep,
     RandomWalk,
     SequenceDrawing,
@@ -41,20 +42,15 @@ from rigd.sdk.driver import Block, BlockDriver
 #: The time-out given to read_block, and how much longer it may take, in s.
 TIMEOUT_S: Final = 0.2
 ROOM_S: Final = 0.6
-#: A time-out with which nothing comes so often in turn, though the device has sent rows before the
-#: first time, and for how long it is read so, in s.
+#: Another time-out, in s, which is shorter than the time from one block to the next.
 SHORT_S: Final = 0.005
-KEPT_CALLS: Final = 3
-OFTEN_S: Final = 0.4
 #: Blocks of the measurements, and how long they may take, in s.
 BLOCKS: Final = 5
 BLOCKS_S: Final = 3.0
-#: For so long after the device is dead, read_block may still return buffered rows, in s.
-TAIL_S: Final = 0.5
 #: The rows of a block are of the time since the block before, and so much older or newer, in s.
 AGE_S: Final = 0.06
 #: The newest row may be so much older than `oldest_s` when it comes, in s.
-LATE_S: Final = 0.25
+OLD_S: Final = 0.25
 #: A row that comes later than this after the device has sent it is kept back, in s.
 KEPT_S: Final = 0.03
 #: Once it has sampled for so long, in s, its rate is known.
@@ -72,19 +68,16 @@ STEPS: Final = 18
 PAUSE_S: Final = 0.4
 ENDS_S: Final = 0.12
 #: Faults that a device has for a while, in s.
-FAULTS_THAT_END: Final = ("cut", "garbled", "dead", "silent", "lossy")
+FAULTS_THAT_END: Final = ("cut", "garbled", "dead", "silent", "lossy", "late")
 FAULT_S: Final = 0.3
+#: What a device that was late has sent has come after this time, in s.
+LATE_S: Final = 2.0
 #: A time may be so many periods from when the device measured, but for the time that the command
 #: to begin takes; a machine that stood still for so many says nothing about that. The first rows
 #: have come after this time, in s.
 STAMP_PERIODS: Final = 0.5
 STILL_PERIODS: Final = 0.4
 BEGINS_S: Final = 0.1
-
-
-def _rows_of(block: object) -> int | None:
-    """Return the number of rows of a block; None if it is no block."""
-    return len(block.times_ns) if isinstance(block, Block) else None
 
 
 def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
@@ -115,15 +108,16 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "open": KindOfStep("closed", 1, "open"),
     "open again": KindOfStep("open", 0.3, "closed", 1),
     "start": KindOfStep("open", 4, "started"),
-    "read blocks": KindOfStep("started", 3),
+    "read blocks": KindOfStep("started", 4.5),
     "measure": KindOfStep("started", 4),
     "pause": KindOfStep("started", 1.5),
-    "read often": KindOfStep("started", 1.5),
     "newest row": KindOfStep("started", 1.0),
     "fail": KindOfStep("started", 1.0, "started", 2, "faults"),
-    "fail for long": KindOfStep("started", 0.0, "closed"),
     "close": KindOfStep("open started", 2.5, "closed"),
     "new driver": KindOfStep("closed", 0.1),
+    # Those that are not drawn.
+    "fail for long": KindOfStep("started", 0.0, "closed"),
+    "keep nothing": KindOfStep("started", 0.0),
 }
 
 
@@ -133,7 +127,8 @@ SAMPLES: Final = (("open",), ("start",), ("read blocks",))
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    values = {"pause": VALUES["measure"]}
+    values: dict[str, DrawValue] = dict.fromkeys(("start", "pause"), VALUES["measure"])
+    values["read blocks"] = lambda _, rng: rng.choice((TIMEOUT_S, SHORT_S))
     trials = SequenceDrawing(subject, CALLS, values, FAULTS_THAT_END).trials(TRIALS, STEPS)
     yield from first_failure(partial(_play, subject), trials, subject.notes)
 
@@ -162,6 +157,7 @@ class _Played:
         self._caller = caller
         self._all: list[BlockDriver] = []
         self._new_driver()
+        self._oldest_s = self._driver.declaration.oldest_s
         self._watcher = Watcher(peer)
         self._readings = Matching(peer, self._driver.declaration, self._watcher.held)
         self._offsets: list[float] = []  # of times of rows from those of the device, in s
@@ -215,29 +211,31 @@ class _Played:
             raise StepFailed(f"open() of an open driver raises {described(error)}")
         self._close()
 
-    def _start(self) -> None:
+    def _start(self, values: Mapping[str, float] | None = None) -> None:
+        if values and self._peer.measure is not None:
+            self._peer.measure(values)
         self._readings.begin()
         self._last_ns, self._steps, self._offsets = 0, [], []
         self._began_ns, self._watcher.gap_s = time.monotonic_ns(), 0.0
         before = self._readings.sent
         self._must("start", self._driver.start)
-        until(partial(self._readings.sends_after, before), BEGINS_S)
+        until(lambda: self._readings.sent > before, BEGINS_S)
         self._gap_s = self._watcher.gap_s
         rate = self._driver.rate_hz
         if not (np.isfinite(rate) and rate > 0):
             raise surely(f"rate_hz is {rate} once it is open")
 
-    def _read_blocks(self) -> None:
-        self.go_on(BLOCKS)
+    def _read_blocks(self, timeout_s: float = TIMEOUT_S) -> None:
+        self.go_on(BLOCKS, timeout_s)
 
-    def go_on(self, count: int) -> None:
+    def go_on(self, count: int, timeout_s: float = TIMEOUT_S) -> None:
         """Read so many blocks, and check them."""
         blocks, end = 0, time.monotonic() + BLOCKS_S
         late = ""
         while blocks < count or late:  # what was late before a pause comes first
             if blocks % count == 0:
                 self._kept, self._ages = [], []
-            if self._read(TIMEOUT_S):
+            if self._read(timeout_s):
                 blocks += 1
                 late = self._late() if blocks % count == 0 else late
             if time.monotonic() > end:
@@ -258,34 +256,23 @@ class _Played:
 
     def _read(self, timeout_s: float) -> bool:
         """Read a block, and check it; return whether it has rows."""
+        due, began_s = self._readings.waiting, time.monotonic()
         outcome = self._caller.call(partial(self._driver.read_block, timeout_s), OPEN_S)
         block = expect("read_block", outcome)
         _in_time(outcome)
-        if block is None or _rows_of(block) == 0:
+        most_s = self._oldest_s + TIMEOUT_S / 2
+        if due and self._watcher.held.exceeds(outcome.took_s, most_s, began_s):
+            raise StepFailed(f"rows have come, and read_block waits for {outcome.took_s:.2g} s")
+        if block is None or (isinstance(block, Block) and not len(block.times_ns)):
             return False
         self._check(block)
         return True
-
-    def _read_often(self) -> None:
-        """Read with a short time-out: what the device has sent comes at once."""
-        end, since_s, calls = time.monotonic() + OFTEN_S, 0.0, 0
-        while time.monotonic() < end:
-            began_s, due = time.monotonic(), self._readings.waiting
-            if self._read(SHORT_S):
-                calls = 0
-            elif due:
-                since_s, calls = since_s if calls else began_s, calls + 1
-                kept_s = time.monotonic() - since_s
-                if calls >= KEPT_CALLS and kept_s > self._oldest_s + KEPT_S:
-                    raise StepFailed(
-                        f"rows that were sent do not come, for {kept_s:.2g} s and {calls} calls"
-                    )
 
     def _late(self) -> str:
         """Return why the last blocks come too late; "" if they do not."""
         if self._kept and min(self._kept) > self._driver.rate_hz * (self._oldest_s + KEPT_S):
             return f"at least {min(self._kept)} rows that were sent do not come"
-        if min(self._ages) > self._oldest_s + LATE_S:
+        if min(self._ages) > self._oldest_s + OLD_S:
             return f"rows are {min(self._ages):.3g} s old when they come"
         return ""
 
@@ -304,7 +291,7 @@ class _Played:
 
     def _fail(self, fault: str) -> None:
         """Have the device fail for a while; opened again, the driver is as before."""
-        self._failing(fault, FAULT_S)
+        self._failing(fault, LATE_S if fault == "late" else FAULT_S)
         self._peer.mended(fault)
         self._must("open once the fault is over", self._driver.open)
         self._start()
@@ -316,13 +303,17 @@ class _Played:
         times, began_s = [self._last_ns], time.monotonic()
         error: BaseException | None = None
         while error is None and (since_s := time.monotonic() - began_s) < for_s:
+            if fault == "late" and since_s > FAULT_S:
+                self._peer.mended(fault)
             outcome = self._caller.call(partial(self._driver.read_block, TIMEOUT_S), OPEN_S)
             error = outcome.error
             if error is None and fault != "dead":
                 _in_time(outcome)
-            if error is None and _rows_of(outcome.value):
+            if error is None and len(getattr(outcome.value, "times_ns", ())):
                 times += outcome.value.times_ns.tolist()
-                if since_s > TAIL_S and fault != "lossy":
+                if fault == "late":
+                    self._check(outcome.value)
+                elif since_s > TAIL_S and fault != "lossy":
                     raise surely(
                         f"read_block still gives rows {TAIL_S:g} s after the device is {fault}"
                     )
@@ -334,8 +325,20 @@ class _Played:
             gaps = np.diff(times)
             if np.max(gaps) < LOST_PERIODS * np.median(gaps):
                 raise surely("samples are lost, it raises nothing, and the times show no gap")
-        self._must("close", self._driver.close)
-        self._must("close again", self._driver.close)
+        self._end()
+
+    def _end(self) -> None:
+        for turn in ("close", "close again"):
+            outcome = self._caller.call(self._driver.close, OPEN_S)
+            expect(turn, outcome)
+            if outcome.took_s > CLOSES_S:
+                raise StepFailed(f"{turn} takes {outcome.took_s:.1f} s")
+
+    def _keep_nothing(self) -> None:
+        read = partial(self._driver.read_block, TIMEOUT_S)
+        go_on = partial(self._caller.call, read, OPEN_S)
+        for problem in kept_for_good(self._driver, self._peer, 3 * BLOCKS, go_on):
+            raise StepFailed(problem)
 
     def _newest_row(self) -> None:
         self._read_blocks()
@@ -361,8 +364,7 @@ class _Played:
                 )
 
     def _close(self) -> None:
-        for turn in ("close", "close again"):
-            self._must(turn, self._driver.close)
+        self._end()
         time.sleep(ENDS_S)  # what is under way arrives
         before = self._readings.sent
         time.sleep(ENDS_S)
@@ -374,10 +376,6 @@ class _Played:
         self._all.append(self._driver)  # what it leaves open stays to be seen
 
     # What must hold.
-
-    @property
-    def _oldest_s(self) -> float:
-        return self._driver.declaration.oldest_s
 
     def _must(self, what: str, function: Callable[[], Any]) -> Any:
         return expect(what, self._caller.call(function, OPEN_S))
@@ -450,6 +448,12 @@ RULES: Final = (
         "its time-out; newest_row(block) returns a value per column, of the last rows, of one row "
         "also; close() may come twice and leaves nothing",
         any_order,
+        "",
+    ),
+    Rule(
+        "keeps nothing",
+        "keep no block that was handed over: a run may last for days",
+        in_turn(_play, (*SAMPLES, ("keep nothing",))),
         "",
     ),
     *(

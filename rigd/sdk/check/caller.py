@@ -18,6 +18,10 @@ SENDS: Final = frozenset({"send", "sendto", "sendall", "sendmsg", "write", "writ
 RECEIVES: Final = frozenset({"recv", "recvfrom", "recvmsg", "recv_into", "recvfrom_into", "read"})
 #: Time limit of open(), in s: it may wait for a device that does not answer.
 OPEN_S: Final = 30.0
+#: Time limit of close(), in s.
+CLOSES_S: Final = 3.0
+#: For so long after the device is dead rows may come that arrived before, in s.
+TAIL_S: Final = 0.5
 #: A call of a cycle that takes longer does not return, in s: the machine may stall.
 HANGS_S: Final = 2.0
 

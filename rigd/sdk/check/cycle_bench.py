@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -17,7 +18,7 @@ from rigd.sdk.check.rows import Matching, row_problems
 from rigd.sdk.check.sequences import StepFailed, expect, surely
 from rigd.sdk.check.subject import Subject, UnfitSubject
 from rigd.sdk.check.watching import Watcher, until
-from rigd.sdk.driver import Driver
+from rigd.sdk.driver import Driver, SlowDriver
 from rigd.sdk.link import Link
 from rigd.sdk.plant import Plant
 
@@ -109,10 +110,9 @@ class Bench(LinkedBench):
         expect("arm", self.call(self.driver.arm))
         self.become_ready(lambda: self.check_row(expect("a cycle", self.cycle())))
         wanted = far(self.driver)
-        end = time.monotonic() + FOLLOWS_S
-        while self.cycle(wanted).error is None and self.look().driven not in ((), wanted):
-            if time.monotonic() > end:
-                break
+        until(
+            lambda: bool(self.cycle(wanted).error) or self.look().driven in ((), wanted), FOLLOWS_S
+        )
 
     def open(self) -> CallOutcome:
         """Open the link, if there is one, then the driver."""
@@ -122,12 +122,16 @@ class Bench(LinkedBench):
         return self.call_slowly(self.driver.open) if opened.error is None else opened
 
     def cycle(
-        self, setpoints: Sequence[float] | None = None, pause_s: float = PERIOD_S
+        self,
+        setpoints: Sequence[float] | None = None,
+        pause_s: float = PERIOD_S,
+        *,
+        reads: bool = True,
     ) -> CallOutcome:
         """Go through one cycle and return how its read ended; the first error ends it.
 
         The setpoints are at rest by default; with () there is no write. The next one may follow
-        after ``pause_s``.
+        after ``pause_s``. One that ``reads`` nothing gives no row.
         """
         t_ns = time.monotonic_ns()
         link, driver = self.link, self.driver
@@ -137,9 +141,11 @@ class Bench(LinkedBench):
             begun = self.call(lambda: link.begin(t_ns))
             if begun.error is not None:
                 return begun
-        self._read_s = (time.monotonic(), self._read_s[0])
-        row = self._timed("read", lambda: driver.read(t_ns))
-        self.readings.mark()
+        row = CallOutcome()
+        if reads:
+            self._read_s = (time.monotonic(), self._read_s[0])
+            row = self._timed("read", lambda: driver.read(t_ns))
+            self.readings.mark()
         wanted = rest(driver) if setpoints is None else setpoints
         if row.error is None and wanted:
             written = self._timed("write", lambda: driver.write(wanted))
@@ -151,18 +157,6 @@ class Bench(LinkedBench):
                 return ended
         time.sleep(pause_s)
         return row
-
-    def write(self, setpoints: Sequence[float]) -> CallOutcome:
-        """Write setpoints in a cycle that reads nothing."""
-        t_ns, link = time.monotonic_ns(), self.link
-        if isinstance(link, Plant):
-            link.advance(t_ns)
-        if isinstance(link, Link):
-            self.call(lambda: link.begin(t_ns))
-        written = self.call(lambda: self.driver.write(setpoints))
-        if isinstance(link, Link):
-            self.call(lambda: link.end(t_ns))
-        return written
 
     def timed(self, function: Callable[[], Any]) -> CallOutcome:
         """Make one call; it took no time if this machine stalled meanwhile."""
@@ -236,10 +230,18 @@ class Bench(LinkedBench):
             cycle()
 
 
-def rest(driver: Driver) -> tuple[float, ...]:
+def clipped(channels: Sequence[Channel], setpoints: Sequence[float]) -> tuple[float, ...]:
+    """Return setpoints within their ranges, as the cycle limits them; of NaN what zero gives."""
+    return tuple(
+        min(max(0.0 if math.isnan(value) else value, channel.low), channel.high)
+        for channel, value in zip(channels, setpoints, strict=True)
+    )
+
+
+def rest(driver: Driver | SlowDriver) -> tuple[float, ...]:
     """Return zero for every setpoint, or what is nearest to it in its range."""
     setpoints = driver.declaration.setpoints
-    return tuple(min(max(0.0, setpoint.low), setpoint.high) for setpoint in setpoints)
+    return clipped(setpoints, [0.0] * len(setpoints))
 
 
 def is_switch(channel: Channel) -> bool:

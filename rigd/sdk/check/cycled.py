@@ -8,23 +8,19 @@ shows itself with a device that has a fault.
 
 from __future__ import annotations
 
-import gc
-import inspect
 import random
 import statistics
-import sys
 import time
-import tracemalloc
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from rigd.sdk.check.caller import OPEN_S, RECEIVES, hearing
+from rigd.sdk.check.caller import OPEN_S, RECEIVES, TAIL_S, hearing
 from rigd.sdk.check.cycle_bench import SAFE_S, Bench, bench, far
 from rigd.sdk.check.drawn import counted_s, intervals, too_often
 from rigd.sdk.check.fast import any_order, near
+from rigd.sdk.check.leaks import kept_for_good
 from rigd.sdk.check.rows import row_problems
 from rigd.sdk.check.sequences import StepFailed, expect
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
@@ -36,17 +32,15 @@ CALL_S: Final = 0.005
 WAITS: Final = 4
 #: Cycles of the measurements.
 CYCLES: Final = 100
-#: Cycles of which memory is compared, and the bytes that each may keep.
+#: Cycles of which memory is compared.
 GROWS_CYCLES: Final = 120
-GROWS_BYTES: Final = 24
 #: Commands without a read, whose answers then wait, and after how long, in s; of so many frames one
 #: read may take so many.
 FLOOD: Final = 200
 FLOOD_S: Final = 0.05
 MOST_TAKEN: Final = 100
-#: For so long after the link is dead, in s, and for so many cycles, as this machine may stall,
-#: read() may still return rows that arrived before.
-TAIL_S: Final = 0.5
+#: For so many cycles after the link is dead, as this machine may stall, and for TAIL_S, read() may
+#: still return rows that arrived before.
 TAIL_CYCLES: Final = 50
 #: For so long, and 2 silent_s, a fault is looked at, in s.
 FAULT_S: Final = 0.7
@@ -68,7 +62,8 @@ def _bounded(subject: Subject) -> Iterator[str]:
         for _ in range(CYCLES):
             found.cycle(far(found.driver))
         yield from _waits(found)
-        yield from _grown(found, _files(subject.driver_class))
+        go_on = partial(found.cycle, far(found.driver))
+        yield from kept_for_good(found.driver, found.peer, GROWS_CYCLES, go_on)
     with bench(subject) as found:
         found.run()
         yield from _taken_at_once(found)
@@ -103,7 +98,7 @@ def _taken_at_once(found: Bench) -> Iterator[str]:
     if begin := found.peer.faults.get("flooding"):
         begin()
     for _ in range(FLOOD):
-        found.write(far(found.driver))
+        found.cycle(far(found.driver), 0.0, reads=False)
     found.cycle(far(found.driver))  # it asks
     time.sleep(FLOOD_S)
     taken: list[None] = []
@@ -114,34 +109,6 @@ def _taken_at_once(found: Bench) -> Iterator[str]:
 
     if found.call(read).error is None and len(taken) > MOST_TAKEN:
         yield f"one read() takes {len(taken)} frames: a flood stops the cycle"
-
-
-def _files(driver_class: type[Any]) -> set[str]:
-    """Return the files of a driver: its own, and those beside it that it uses."""
-    own = inspect.getfile(driver_class)
-    used = map(inspect.getmodule, vars(sys.modules[driver_class.__module__]).values())
-    names = {getattr(module, "__file__", None) or "" for module in used}
-    return {own, *(name for name in names if Path(name).parent == Path(own).parent)}
-
-
-def _grown(found: Bench, names: set[str]) -> Iterator[str]:
-    """Yield how many bytes each cycle leaves in memory that code of the driver has allocated."""
-    files = [tracemalloc.Filter(True, name) for name in names]
-    tracemalloc.start()
-    try:
-        sizes = []
-        for _ in range(2):
-            for _ in range(GROWS_CYCLES):
-                found.cycle(far(found.driver))
-            if isinstance(found.peer.readings, list):
-                del found.peer.readings[:-1]  # they lie in memory that the driver has given back
-            gc.collect()
-            taken = tracemalloc.take_snapshot().filter_traces(files)
-            sizes.append(sum(trace.size for trace in taken.traces))
-    finally:
-        tracemalloc.stop()
-    if sizes[1] - sizes[0] > GROWS_BYTES * GROWS_CYCLES:
-        yield f"each cycle keeps {(sizes[1] - sizes[0]) / GROWS_CYCLES:.0f} bytes for good"
 
 
 def _fault(fault: str, *, rows: bool = False) -> Check:
@@ -239,28 +206,22 @@ def _locked(subject: Subject) -> Iterator[str]:
 
 
 def _refused(subject: Subject) -> Iterator[str]:
-    for number in range(REFUSALS):  # of devices whose errors are others
-        yield from _refused_by(replace(subject, varied=f"refusal {number}"))
-
-
-def _refused_by(subject: Subject) -> Iterator[str]:
-    with bench(subject) as found:
-        declared = found.driver.declaration
-        if not declared.setpoints:
-            return
-        found.run()
-        found.peer.faults["refusing"]()
-        wanted = tuple(value / 2 for value in far(found.driver))
-        end = time.monotonic() + FAULT_S + 2 * declared.silent_s
-        while time.monotonic() < end:
-            error = found.cycle(wanted).error
-            if error is not None:
-                if not isinstance(error, FAILURES):
-                    yield f"a cycle raises {described(error)}"
-                return
-        driven = found.look().driven
-        if not all(map(near, declared.setpoints, driven, wanted)):
-            yield f"the device refuses {wanted}, is driven at {driven}, and no cycle raises"
+    for number in range(REFUSALS if subject.declare().setpoints else 0):
+        # Of devices whose errors are others.
+        with bench(replace(subject, varied=f"refusal {number}")) as found:
+            declared = found.driver.declaration
+            found.run()
+            found.peer.faults["refusing"]()
+            wanted = tuple(value / 2 for value in far(found.driver))
+            end = time.monotonic() + FAULT_S + 2 * declared.silent_s
+            error = None
+            while error is None and time.monotonic() < end:
+                error = found.cycle(wanted).error
+            if error is not None and not isinstance(error, FAILURES):
+                yield f"a cycle raises {described(error)}"
+            driven = found.look().driven
+            if error is None and not all(map(near, declared.setpoints, driven, wanted)):
+                yield f"the device refuses {wanted}, is driven at {driven}, and no cycle raises"
 
 
 def _rescued(subject: Subject, fault: str) -> Iterator[str]:
@@ -289,10 +250,6 @@ def _rescued(subject: Subject, fault: str) -> Iterator[str]:
                 yield f"{'rescue' if rescues else 'make_safe'}() raises {described(error)}"
             until(lambda: not found.look().energised, (found.driver.watchdog_s or SAFE_S) / 2)
             after = found.look()
-            if rescues and error is not None and found.peer.mended(fault):
-                again = found.call(found.driver.rescue, OPEN_S).error
-                if again is not None:
-                    yield f"once the device is no longer {fault} rescue() raises {described(again)}"
             if not after.energised and after.trips == trips:
                 continue
             if rescues and (fault == "silent" or error is None):

@@ -25,6 +25,7 @@ from rigd.sdk.check.cycle_bench import (
     AGE_S,
     PERIOD_S,
     Bench,
+    clipped,
     far,
     is_switch,
     mounted,
@@ -84,6 +85,9 @@ ANSWERED_S: Final = 0.02
 COMES_S: Final = 0.003
 #: Cycles after the device measures something else.
 MEASURED: Final = 5
+#: Cycles in each of which the setpoint is another, and the time from one to the next, in s.
+RAMP_CYCLES: Final = 400
+RAMP_S: Final = 0.001
 #: Faults that end, and for how many cycles; until an answer that is late has come, and one that is
 #: cut was asked for, in s.
 FAULTS_THAT_END: Final = ("garbled", "cut", "dead", "late", "silent", "flooding")
@@ -100,6 +104,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "prove watchdog": KindOfStep("open", 0.3, "open", 1, "watchdog", "drives"),
     "arm": KindOfStep("open", 4, "armed", marks="drives"),
     "arm and at once make safe": KindOfStep("open", 0.5, "open", 1, "setpoints", "drives"),
+    "ramp and at once make safe": KindOfStep("armed", 1.2, "open", 2, "setpoints", "drives"),
     "arm anew": KindOfStep("armed", 0.8, "", 2, "setpoints"),
     "write": KindOfStep("armed", 16, needs="setpoints"),
     "write unarmed": KindOfStep("open", 1.5, "", 2, "setpoints"),
@@ -119,7 +124,10 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "kill and rescue": KindOfStep("armed", 0.8, "closed", 2, "rescue"),
 }
 #: Those that are given setpoints: they count, or do not.
-WRITES: Final = (("write", "write without a read"), ("write unarmed", "close and open"))
+WRITES: Final = (
+    ("write", "write without a read", "ramp and at once make safe"),
+    ("write unarmed", "close and open"),
+)
 #: Kinds of setpoints: in the range, at its ends, beyond them, close to the last, none at all.
 KINDS: Final = (
     *("zero", "zero", "again", "step", "step", "low", "high", "below", "above", "endless", "nan"),
@@ -195,7 +203,6 @@ def stays_put(
 
 def any_order(subject: Subject) -> Iterator[str]:
     """Play sequences of calls until one shows a fault; see :data:`CALLS`."""
-    proofs = itertools.count()
 
     def written(drawing: Setpoints, subject: Subject, rng: random.Random) -> tuple[float, ...]:
         return drawing.draw(subject.declare(), rng)
@@ -203,7 +210,6 @@ def any_order(subject: Subject) -> Iterator[str]:
     decks = [(Setpoints(), names) for names in WRITES]  # of each the kinds come equally often
     values: dict[str, DrawValue] = {
         "go on": lambda _, rng: rng.choice((0.0, PERIOD_S)),
-        "prove watchdog": lambda *_: None if next(proofs) else "twice",
         **{name: partial(written, item) for item, names in decks for name in names},
     }
 
@@ -306,9 +312,12 @@ class _Played:
     # The calls of each step.
 
     def _open(self) -> None:
+        before = self._found.look().ordered
         expect("open", self._found.open())
         check_identity(self._found.driver, self._found.look())
         self._safe_now("after open()")
+        if (after := self._found.look().ordered) != before:
+            raise StepFailed(f"open() changes what the device is told, from {before} to {after}")
         outcome = self._found.call_slowly(self._found.driver.preflight)
         expect("preflight", outcome)
         if reasons := list(outcome.value):
@@ -327,7 +336,7 @@ class _Played:
             raise StepFailed(f"open() of an open driver raises {described(outcome.error)}")
         if self._observed and not self._driven():
             self._wanted = self._safe
-            self._still()
+            self._safe_now("opened anew")
         self._make_safe()
 
     def _close_and_open(self, setpoints: Sequence[float]) -> None:
@@ -344,8 +353,8 @@ class _Played:
         stays_put(self._channels, self._found.watcher.since(began_s), stays, self._safe)
         self._make_safe()
 
-    def _prove_watchdog(self, times: str = "once") -> None:
-        for _ in range(1 + (times == "twice")):
+    def _prove_watchdog(self) -> None:
+        for _ in range(2):
             self._prove()
 
     def _prove(self) -> None:
@@ -408,13 +417,29 @@ class _Played:
         self._passed += [self._safe, rest(found.driver)]
         expect("make_safe", found.call(found.driver.make_safe))
         expect("arm", found.call(found.driver.arm))
-        expect("write", found.write(self._last))
+        expect("write", found.cycle(self._last, 0.0, reads=False))
         self._become_ready()
         self._settle()
 
     def _arm_and_at_once_make_safe(self) -> None:
         self._passed.append(rest(self._found.driver))
         expect("arm", self._found.call(self._found.driver.arm))
+        self._make_safe()
+
+    def _ramp_and_at_once_make_safe(self, setpoints: Sequence[float]) -> None:
+        """Write another setpoint in each cycle, as a run does, and stop in the middle of it."""
+        begin, end = clipped(self._channels, self._wanted), clipped(self._channels, setpoints)
+        self._passed += begin, end
+        due_s = time.monotonic()
+        for number in range(1, RAMP_CYCLES + 1):
+            due_s += RAMP_S
+            between = tuple(
+                b if is_switch(channel) else a + (b - a) * number / RAMP_CYCLES
+                for channel, a, b in zip(self._channels, begin, end, strict=True)
+            )
+            self._cycle(between, pause_s=max(0.0, due_s - time.monotonic()))
+        expect("make_safe", self._found.call(self._found.driver.make_safe))
+        expect("confirm_safe", self._found.call(self._found.driver.confirm_safe))
         self._make_safe()
 
     def _write(self, setpoints: Sequence[float]) -> None:
@@ -426,7 +451,7 @@ class _Played:
         if outcome.error is None:
             if any(map(math.isnan, setpoints)):
                 raise StepFailed("write() takes NaN as if it were a setpoint")
-            self._last, self._wanted = setpoints, self._clipped(setpoints)
+            self._last, self._wanted = setpoints, clipped(self._channels, setpoints)
         self._settle()
 
     def _write_unarmed(self, setpoints: Sequence[float]) -> None:
@@ -444,12 +469,10 @@ class _Played:
                 break
 
     def _write_without_a_read(self, setpoints: Sequence[float]) -> None:
-        self._last = self._wanted = self._clipped(
-            [0.0 if math.isnan(value) else value for value in setpoints]
-        )
+        self._last = self._wanted = clipped(self._channels, setpoints)
         end = time.monotonic() + 3 * AGE_S
         while time.monotonic() < end:  # what is read then is the newest, and not the oldest
-            expect("write", self._found.write(self._last))
+            expect("write", self._found.cycle(self._last, 0.0, reads=False))
             self._called_s = time.monotonic()
             time.sleep(AGE_S / 4)
         self._cycle(self._last)
@@ -485,12 +508,12 @@ class _Played:
             raise StepFailed(f"{lost} answers of {cycles} that have come give no row")
         return cycles
 
-    def _await_answer(self, sent: int) -> int:
+    def _await_answer(self, before: int) -> int:
         """Wait until the device has sent more than so many readings; return how many have come."""
         known = self._found.readings
         if not known.sent:
             return 0
-        until(partial(known.sends_after, sent), ANSWERED_S)
+        until(lambda: known.sent > before, ANSWERED_S)
         sent = known.sent
         time.sleep(COMES_S)
         return sent
@@ -504,7 +527,7 @@ class _Played:
         """Have the device fail for a while; then it is as before, with the same driver."""
         found, peer = self._found, self._found.peer
         setpoints = self._last if self._walk.state == "armed" else ()
-        self._passed.append(self._clipped(setpoints) if setpoints else self._safe)
+        self._passed.append(clipped(self._channels, setpoints) if setpoints else self._safe)
         self._wanted = self._safe
         sent = [found.readings.sent]
         for _ in range(FAULT_CYCLES):
@@ -643,7 +666,7 @@ class _Played:
         """Return what a cycle goes on to write: the last setpoint, if it is armed."""
         if self._walk.state != "armed":
             return ()
-        self._wanted = self._clipped(self._last)
+        self._wanted = clipped(self._channels, self._last)
         return self._last
 
     def _listen(self, for_s: float) -> None:
@@ -666,9 +689,13 @@ class _Played:
 
     def _still(self) -> None:
         """Check that the device is driven as it is to be."""
-        if self._observed and self._channels and not self._driven():
-            driven = self._found.look().driven
-            raise StepFailed(f"the device is driven at {self._shown(driven)}")
+        if not self._observed or not self._channels:
+            return
+        look = self._found.look()
+        if not self._driven(look):
+            raise StepFailed(f"the device is driven at {self._shown(look.driven)}")
+        if self._enables and self._walk.state == "armed" and not look.energised:
+            raise StepFailed("it is armed, and the device is not energised")
 
     def _safe_now(self, when: str) -> None:
         """Check that the device is and stays safe, for as long as what was sent needs to arrive."""
@@ -705,12 +732,6 @@ class _Played:
             for channel, value, want, step in zip(
                 self._channels, look.driven, self._wanted, steps, strict=False
             )
-        )
-
-    def _clipped(self, setpoints: Sequence[float]) -> tuple[float, ...]:
-        return tuple(
-            min(max(value, channel.low), channel.high)
-            for channel, value in zip(self._channels, setpoints, strict=True)
         )
 
     def _shown(self, driven: Sequence[float]) -> str:

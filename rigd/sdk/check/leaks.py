@@ -7,15 +7,18 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import inspect
 import socket
 import sys
 import threading
 import time
+import tracemalloc
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.sequences import StepFailed
 
 
@@ -29,6 +32,8 @@ class OpenedItem(NamedTuple):
 #: What is left gets this time to end, in s: threads end in their next turn, processes on a busy
 #: machine later.
 ENDS_S: Final = 10.0
+#: Bytes that more turns may keep, in all: counters become larger.
+KEPT_BYTES: Final = 2880
 _LOOK_S: Final = 0.01
 _FOLDER: Final = Path("/proc/self/fd")
 #: Files that are opened by reading them in once, such as maps of a device, are no connections.
@@ -68,6 +73,32 @@ def nothing_left(when: str = "after close()") -> Iterator[None]:
             raise StepFailed(f"{when} {words} left open")
         let_go()
         time.sleep(_LOOK_S)
+
+
+def kept_for_good(
+    driver: object, peer: Peer, turns: int, turn: Callable[[], object]
+) -> Iterator[str]:
+    """Yield that code of a driver keeps memory for good while ``turn`` is made again and again."""
+    used = map(inspect.getmodule, vars(sys.modules[type(driver).__module__]).values())
+    own = Path(inspect.getfile(type(driver)))
+    names = {getattr(module, "__file__", None) or "" for module in used}
+    beside = (name for name in names if Path(name).parent == own.parent)
+    files = [tracemalloc.Filter(True, name) for name in {str(own), *beside}]
+    sizes: list[int] = []
+    tracemalloc.start()
+    try:
+        for _ in range(2):
+            for _ in range(turns):
+                turn()
+            if isinstance(peer.readings, list):
+                del peer.readings[:-1]  # they lie in memory that the driver has given back
+            gc.collect()
+            taken = tracemalloc.take_snapshot().filter_traces(files)
+            sizes.append(sum(trace.size for trace in taken.traces))
+    finally:
+        tracemalloc.stop()
+    if (kept := sizes[1] - sizes[0]) > KEPT_BYTES:
+        yield f"each turn keeps {kept / turns:.0f} bytes for good"
 
 
 def let_go() -> None:

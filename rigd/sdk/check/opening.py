@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import inspect
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, Final
 
 from rigd.sdk.check.caller import OPEN_S, Caller, CallOutcome, LinkedBench
-from rigd.sdk.check.leaks import OpenedItem, nothing_left, opens
+from rigd.sdk.check.leaks import nothing_left, opens
 from rigd.sdk.check.peer import Peer
+from rigd.sdk.check.sequences import check_identity
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 from rigd.sdk.driver import DriverConfig
 from rigd.sdk.link import Link
@@ -55,17 +56,15 @@ class AnyBench(LinkedBench):
 
     def opened(self) -> list[str]:
         """Return what open() opens, whether it succeeds or not."""
-        kept: list[list[OpenedItem]] = []
 
-        def listened() -> None:
-            with opens() as found:
-                kept.append(found)
+        def listened() -> list[str]:
+            with opens() as found, suppress(Exception):
                 result = self.driver.open()
                 if inspect.iscoroutine(result):
                     self._runner.run(result)
+            return [each.words for each in found]
 
-        self._caller.call(listened, OPEN_S)
-        return [each.words for each in kept[0]]
+        return list(self._caller.call(listened, OPEN_S).value)
 
     def tasks(self) -> list[str]:
         """Return the names of the tasks that go on in the loop."""
@@ -110,6 +109,7 @@ def _at_open(fault: str, subject: Subject) -> Iterator[str]:
             elif fault == "dead" and error is not None and error.hint is None:
                 yield f"{turn} raises {error.message!r} without a hint"
             if error is None:
+                check_identity(found.driver, peer.look())
                 break
         if getattr(found.driver, "second_link", False) and fault in {"dead", "silent"}:
             yield from _rescues(AnyBench(subject, peer, caller), peer, fault)

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from rigd.model.channels import STATUS_FIELD, Channel
+from rigd.model.units import OFFSETS, parse_unit
 from rigd.sdk.check.peer import Peer, SentReading
 from rigd.sdk.check.watching import HeldTime
 from rigd.sdk.declaration import Declaration
@@ -17,8 +18,8 @@ from rigd.sdk.declaration import Declaration
 STATUS_LIMIT = 1 << 31
 #: A channel without a range is given values up to this, in its unit.
 LARGEST: Final = 100.0
-#: The smallest of them, as powers of ten of that.
-SMALLEST: Final = 6.0
+#: Half of them are close to the zero of a unit: the smallest, as powers of ten of the range.
+SMALLEST: Final = 5.0
 #: Parts of a range close to its ends.
 CLOSE: Final = (0.002, 0.02, 0.98, 0.998)
 #: What a value may differ from that of its reading by: the part that single precision takes, and
@@ -74,9 +75,13 @@ def drawn_values(declared: Declaration, rng: random.Random) -> dict[str, float]:
         high = channel.high if math.isfinite(channel.high) else max(channel.low, 0.0) + LARGEST
         if not (math.isfinite(channel.low) or math.isfinite(channel.high)):
             low, high = -LARGEST, LARGEST
-        inside = low + (high - low) * rng.choice((*CLOSE, rng.random(), rng.random()))
-        small = rng.choice((low, high)) * 10.0 ** -rng.uniform(0.0, SMALLEST)
-        values[channel.name] = small if low <= small <= high and rng.random() < 0.3 else inside
+        value = low + (high - low) * rng.choice((*CLOSE, rng.random(), rng.random()))
+        unit = parse_unit(channel.unit)
+        offsets = (at for name, (at, _) in OFFSETS.items() if parse_unit(name).same_kind(unit))
+        zeros = [zero for zero in (0.0, *offsets) if low <= zero <= high]
+        for zero in zeros[: rng.randrange(2)]:  # where a number has another sign, and fewer digits
+            value = zero + (rng.choice((low, high)) - zero) * 10.0 ** -rng.uniform(0.0, SMALLEST)
+        values[channel.name] = value
     return values | {name: float(rng.random() < 0.5) for name in declared.status_bits}
 
 
@@ -135,23 +140,15 @@ class Matching:
             taken_s = readings[alike[-1]].taken_s
             old_s = now_s - taken_s
             was_old = taken_s < self._began_s - age_s  # whatever this machine did since
-            if stamp_s is None and (was_old or self._is_longer(old_s, age_s, taken_s)):
+            if stamp_s is None and (was_old or self._held.exceeds(old_s, age_s, taken_s)):
                 yield f"a row shows what the device measured {old_s:.2g} s before"
             apart_s = min(abs(readings[n].taken_s - (stamp_s or math.nan)) for n in alike)
-            if stamp_s is not None and self._is_longer(apart_s, STAMP_S, min(taken_s, stamp_s)):
+            if stamp_s is not None and self._held.exceeds(apart_s, STAMP_S, min(taken_s, stamp_s)):
                 yield f"the time of a row is {apart_s:.2g} s from that of its reading"
         elif self._next == count:
             yield f"a row comes, and the device has sent no reading since the {count} before"
         else:
             yield from list(self._wrong(row, readings[count - 1]))[:1]
-
-    def _is_longer(self, took_s: float, most_s: float, since_s: float) -> bool:
-        """Return whether it took longer than it may, this machine apart."""
-        return took_s > most_s and took_s > most_s + self._held.since(since_s)
-
-    def sends_after(self, count: int) -> bool:
-        """Return whether the device has sent more than so many."""
-        return self.sent > count
 
     @property
     def waiting(self) -> int:

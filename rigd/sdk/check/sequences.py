@@ -101,18 +101,17 @@ DrawValue = Callable[[Subject, random.Random], Any]
 def possible(calls: Mapping[str, KindOfStep], subject: Subject) -> dict[str, KindOfStep]:
     """Return the calls that are possible with a driver of the present options."""
     declared = subject.declare()
+    driven = bool(declared.setpoints)
     has = {
-        "setpoints": bool(declared.setpoints),
-        "watchdog": bool(declared.setpoints) and declared.watchdog_s is not None,
-        "rescue": bool(declared.setpoints) and getattr(subject.driver_class, "second_link", False),
-        "actions": bool(declared.actions),
-        "channels": bool(declared.channels),
-        "faults": bool(subject.faults),
+        "setpoints": driven,
+        "watchdog": driven and declared.watchdog_s is not None,
+        "rescue": driven and getattr(subject.driver_class, "second_link", False),
+        "actions": declared.actions,
+        "channels": declared.channels,
+        "faults": subject.faults,
+        "": True,
     }
-    needed = {
-        name: (each.weight, *map(has.get, each.needs.split())) for name, each in calls.items()
-    }
-    return {name: calls[name] for name, each in needed.items() if all(each)}
+    return {name: call for name, call in calls.items() if call.weight and has[call.needs]}
 
 
 #: What steps of each kind of driver are given.
@@ -176,7 +175,10 @@ def in_turn(
     """Return the check that plays sequences which are not drawn, each of steps with its value."""
 
     def check(subject: Subject) -> Iterator[str]:
-        drawn = (DrawnTrial(tuple(DrawnStep(*item) for item in each), {}, seed) for each in trials)
+        drawn = (
+            DrawnTrial(tuple(DrawnStep(*item) for item in each), {}, f"{seed}{number}")
+            for number, each in enumerate(trials)
+        )
         yield from first_failure(partial(play, subject), drawn, subject.notes)
 
     return check
@@ -221,14 +223,14 @@ class Unjudged(Exception):
 Play = Callable[[DrawnTrial], None]
 
 
+@dataclass
 class RandomWalk:
     """Goes through the steps of a trial that are possible in the state that those before led to."""
 
-    def __init__(self, trial: DrawnTrial, calls: Mapping[str, KindOfStep]) -> None:
-        self._trial = trial
-        self._calls = calls
-        self._number = 0
-        self.state = "closed"
+    _trial: DrawnTrial
+    _calls: Mapping[str, KindOfStep]
+    state: str = "closed"
+    _number: int = 0
 
     def __iter__(self) -> Iterator[DrawnStep]:
         """Yield each step; the state changes once it is made."""

@@ -9,20 +9,20 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import math
 import random
 import sys
 import time
-from collections.abc import Awaitable, Coroutine, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
-from rigd.sdk.check.caller import OPEN_S, Caller, CallOutcome
+from rigd.sdk.check.caller import CLOSES_S, OPEN_S, TAIL_S, Caller, CallOutcome
+from rigd.sdk.check.cycle_bench import clipped, rest
 from rigd.sdk.check.drawn import counted_s, intervals, too_often
 from rigd.sdk.check.fast import Setpoints, near, stays_put
-from rigd.sdk.check.leaks import nothing_left, opens
+from rigd.sdk.check.leaks import OpenedItem, nothing_left, opens
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import Matching, drawn_values, row_problems
 from rigd.sdk.check.sequences import (
@@ -51,7 +51,7 @@ SCENE_ENDS_S: Final = 1.0
 CANCEL_S: Final = 3.0
 #: So often two rows are awaited while the loop is watched.
 WATCHED: Final = 6
-#: More than the declared silence until the rows of a measurement are there, in s.
+#: More than the declared silence, or the usual time, until rows are there, in s.
 ROOM_S: Final = 0.25
 #: So often, or so long in s, the loop stands still before it counts.
 STALLS: Final = 3
@@ -63,8 +63,8 @@ STUCK_S: Final = 0.03
 #: Most rows per second of a slow device; a driver that ignores its interval gives many more.
 MOST_HZ: Final = 100.0
 RATE_S: Final = 0.5
-#: For so long after the device is dead, run() may still emit rows that arrived before, in s.
-TAIL_S: Final = 0.5
+#: So many devices refuse an action, each in its own words.
+REFUSALS: Final = 6
 #: Faults in which no answer says that an action was done.
 UNANSWERED: Final = ("silent", "garbled")
 #: How long after a row run() has asked for the next one and waits for it, in s.
@@ -88,14 +88,16 @@ ARRIVES_S: Final = 0.06
 ENDS_S: Final = 0.15
 
 
-async def _whole(main: Coroutine[Any, Any, None]) -> None:
+async def _whole(main: Callable[[Sequence[OpenedItem]], Awaitable[None]]) -> None:
     """Await what opens and closes drivers, and check that they have left nothing to the loop.
+
+    ``main`` is given what they open.
 
     Raises:
         StepFailed: a task or a connection is left; the loop would close it, the daemon's never.
     """
     with opens() as opened:
-        await main
+        await main(opened)
         if left := asyncio.all_tasks() - {asyncio.current_task()}:
             names = ", ".join(sorted(task.get_name() for task in left))
             raise StepFailed(f"tasks go on after close(): {names}")
@@ -122,6 +124,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "wait for rows": KindOfStep("running armed", 2, needs="channels"),
     "measure": KindOfStep("running armed", 4, needs="channels"),
     "act": KindOfStep("running armed", 1, needs="actions"),
+    "open another": KindOfStep("running", 0.5, most=1),
     "fail": KindOfStep("running", 1, "running", 1, "faults"),
     "cancel": KindOfStep("running", 1.5, "open"),
     "close": KindOfStep("open", 1, "closed"),
@@ -136,7 +139,6 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "watch the loop": KindOfStep("closed", 0.0),
     "count rows": KindOfStep("running", 0.0),
     "fail for long": KindOfStep("running", 0.0, "open"),
-    "be silent and cancel": KindOfStep("running", 0.0, "open"),
     "lose answers, early and late": KindOfStep("running", 0.0),
     "refuse": KindOfStep("running", 0.0),
 }
@@ -148,10 +150,7 @@ def any_order(subject: Subject) -> Iterator[str]:
 
     def written(subject: Subject, rng: random.Random) -> tuple[float, ...]:  # as the cycle limits
         declared = subject.declare()
-        return tuple(
-            min(max(0.0 if math.isnan(item) else item, channel.low), channel.high)
-            for channel, item in zip(declared.setpoints, setpoints.draw(declared, rng), strict=True)
-        )
+        return clipped(declared.setpoints, setpoints.draw(declared, rng))
 
     values = {
         "write": written,
@@ -167,17 +166,17 @@ def _play(subject: Subject, trial: DrawnTrial) -> None:
     drawn = replace(subject, more={**subject.more, **trial.options}, varied=trial.seed)
     kept: list[_Session] = []  # what its drivers leave open stays to be seen
 
-    async def main(peer: Peer) -> None:
-        kept.append(_Session(drawn, peer))
+    async def main(peer: Peer, opened: Sequence[OpenedItem]) -> None:
+        kept.append(_Session(drawn, peer, opened))
         other = replace(drawn, varied=f"{trial.seed} beside")
         with other.fresh_peer() if trial.beside else nullcontext() as beside:
             if beside is not None:
-                kept.append(_Session(other, beside))
+                kept.append(_Session(other, beside, opened))
             await kept[0].play(trial, *kept[1:])
 
     with nothing_left():
         with drawn.fresh_peer() as peer, Caller() as caller:
-            error = caller.call(lambda: asyncio.run(_whole(main(peer))), SCENE_S).error
+            error = caller.call(lambda: asyncio.run(_whole(partial(main, peer))), SCENE_S).error
         if isinstance(error, StepFailed | Unjudged | UnfitSubject):
             raise error
         if error is not None:
@@ -187,18 +186,22 @@ def _play(subject: Subject, trial: DrawnTrial) -> None:
 class _Session:
     """Makes the calls of a sequence, and knows what the device is to do."""
 
-    def __init__(self, subject: Subject, peer: Peer) -> None:
+    def __init__(self, subject: Subject, peer: Peer, opened: Sequence[OpenedItem]) -> None:
         self._subject = subject
         self._peer = peer
+        self._all_opened = opened
+        self._connections = 0  # of all drivers as it began to run
         self._fails = False  # the device has a fault, or an answer that is late is under way
         self._all: list[SlowDriver] = []
         self._new()
+        self._setpoints = self._driver.declaration.setpoints
         self._watcher = Watcher(peer)
         self.readings = Matching(peer, self._driver.declaration, self._watcher.held)
         self._task: asyncio.Task[None] | None = None
         self._rows = 0  # since it was opened
         self._opened = False
-        self._emitted_s = 0.0  # when the last row came
+        self._emitted_s = 0.0  # when the last row came, or it began to run
+        self._gap_s = 0.0  # the longest time between rows, of runs without a fault
         self._kept = self._kept_before = 0  # how many readings gave no row, by two waits for rows
         self._wrong: list[StepFailed] = []  # what emit() saw
         self._came = asyncio.Event()
@@ -265,10 +268,7 @@ class _Session:
         task = asyncio.create_task(self._driver.open())
         for _ in range(steps):
             await asyncio.sleep(0)
-        task.cancel()
-        await asyncio.wait({task}, timeout=CANCEL_S)
-        if not task.done():
-            raise StepFailed(f"it goes on {CANCEL_S:g} s after it was cancelled")
+        await self._ended(task)
         for call in (*("close", "open") * 2, "close"):  # it opens again
             await self._must(call, getattr(self._driver, call)())
 
@@ -288,34 +288,32 @@ class _Session:
 
     def _begin(self) -> None:
         self._came.clear()
+        self._emitted_s = time.monotonic()
+        self._connections = self._count_connections()
         self.readings.begin_run()
         self._task = asyncio.create_task(self._driver.run(self._emit))
 
     async def _run(self) -> None:
         self._begin()
-        if self._driver.declaration.channels:
-            await self._wait_for_rows()
+        await self._wait_for_rows()
 
     async def _run_and_at_once_act(self, action: str) -> None:
         self._begin()
         await asyncio.sleep(0)  # it has asked, and waits for the answer
         await self._act(action)
-        if self._driver.declaration.channels:
-            await self._wait_for_rows()
+        await self._wait_for_rows()
 
     async def _wait_for_rows(self, count: int = 2) -> None:
         task = self._running()
         self._kept_before, self._kept = self._kept, sys.maxsize
-        for _ in range(count):
+        for _ in range(count if self._driver.declaration.channels else 0):
             self._came.clear()
             came = asyncio.ensure_future(self._came.wait())
             within_s = self._driver.declaration.silent_s + ROOM_S
             await asyncio.wait({came, task}, timeout=within_s, return_when=asyncio.FIRST_COMPLETED)
             came.cancel()
             if task.done():
-                error = task.exception()
-                how = "returns" if error is None else f"raises {described(error)}"
-                raise StepFailed(f"run() {how}")
+                raise StepFailed(_end_of(task))
             if not self._came.is_set():
                 raise StepFailed(f"run() gives no row for {within_s:.3g} s")
 
@@ -334,40 +332,71 @@ class _Session:
         return drawn_values(self._driver.declaration, rng)
 
     async def _act(self, action: str) -> None:
-        before = self._watcher.look().acted
         if action not in self._driver.declaration.actions:
-            try:
-                reply = await self._driver.act(action)
-            except ValueError:
-                return
-            except Exception as error:
-                raise StepFailed(
-                    f"it is none of its actions, and raises {described(error)}"
-                ) from error
-            raise StepFailed(f"it is none of its actions, and returns {reply!r}")
-        reply = await self._must("act", self._driver.act(action))
+            (end,) = await asyncio.gather(self._driver.act(action), return_exceptions=True)
+            if not isinstance(end, ValueError):
+                is_error = isinstance(end, Exception)
+                how = f"raises {type(end).__name__}: {end}" if is_error else f"returns {end!r}"
+                raise StepFailed(f"it is none of its actions, and {how}")
+            return
+        before, began_s = self._watcher.look().acted, time.monotonic()
+        usual_s, self._gap_s = self._gap_s, 0.0
+        reply = await self._must("act", self._acts(action))
         if not isinstance(reply, str) or not reply:
             raise StepFailed(f"it returns {reply!r}, expected the reply of the device")
-        if before is not None and list(self._watcher.look().acted or ()) != [*before, action]:
+        if before is None:
+            return
+        after = self._watcher.look().acted
+        if list(after or ()) != [*before, action]:
             raise StepFailed("the device has not done it")
+        done_s = self._watcher.when(lambda look: look.acted == after)
+        await self._wait_for_rows(1)
+        gap_s, self._gap_s = self._gap_s - (done_s - began_s), usual_s
+        if usual_s and self._watcher.held.exceeds(gap_s, 2 * usual_s + ROOM_S, began_s):
+            raise StepFailed(f"once the device has done it no row comes for {gap_s:.2g} s")
+
+    async def _acts(self, action: str) -> str:
+        """Call for an action, which the device does once at most, whatever comes of it."""
+        before = self._watcher.look().acted or ()
+        try:
+            return await self._driver.act(action)
+        finally:
+            done = (self._watcher.look().acted or ())[len(before) :]
+            if len(done) > 1:
+                raise surely(f"act({action!r}) has the device do {', '.join(done)}")
+
+    async def _act_in_vain(self, fault: str) -> None:
+        """Call for actions that the device does not do, or nobody knows: none returns."""
+        actions = [*self._driver.declaration.actions][: 1 if fault in UNANSWERED else None]
+        for action in actions if fault in {*UNANSWERED, "refusing"} else ():
+            before = self._watcher.look().acted
+            with contextlib.suppress(*FAILURES):
+                reply = await asyncio.wait_for(self._acts(action), OPEN_S)
+                if fault in UNANSWERED or self._watcher.look().acted == before:
+                    raise surely(f"the device is {fault}, and act({action!r}) returns {reply!r}")
 
     async def _fail(self, fault: str) -> None:
         """Have the device fail for a while; then rows are what it measures, as before."""
-        task, self._fails = self._running(), True
-        for change in (self._peer.faults[fault], partial(self._peer.mended, fault)):
-            await asyncio.to_thread(change)
-            await asyncio.wait({task}, timeout=LATE_S)
-        self._fails = False
+        task, self._fails, opened = self._running(), True, self._count_connections()
+        usual_s = self._gap_s
+        await asyncio.to_thread(self._peer.faults[fault])
+        await self._act_in_vain(fault)
+        await asyncio.wait({task}, timeout=LATE_S)
+        await asyncio.to_thread(self._peer.mended, fault)
+        await asyncio.wait({task}, timeout=LATE_S)
+        self._fails, self._gap_s = False, usual_s
+        if not task.done() and self._count_connections() > opened == self._connections:
+            raise StepFailed("run() makes a lost connection anew: what was set may be lost with it")
         if task.done():
-            error, self._task = task.exception(), None
-            if not isinstance(error, FAILURES):
-                raise StepFailed(f"run() ends with {error!r}")
-            await self._must("close", self._driver.close())
-            await self._open()
-            await self._run()
+            self._check_end()
+            await self._begin_anew()
         if self._driver.declaration.channels:
             for number in range(AGAIN):
                 await self._measure(self._others(f"{fault} {number}"))
+
+    def _count_connections(self) -> int:
+        """Return how many were made until now, by all drivers."""
+        return sum(not each.words.startswith("_thread") for each in self._all_opened)
 
     async def _fail_for_long(self, fault: str) -> None:
         """Have the device fail, and no row come of it, nor an action be done."""
@@ -375,10 +404,7 @@ class _Session:
         self._fails = True
         self._peer.faults[fault]()
         began_s = time.monotonic()
-        for action in [*declared.actions][:1] if fault in UNANSWERED else ():
-            with contextlib.suppress(*FAILURES):
-                reply = await asyncio.wait_for(self._driver.act(action), OPEN_S)
-                raise surely(f"the device is {fault}, and act({action!r}) returns {reply!r}")
+        await self._act_in_vain(fault)
         within_s = TAIL_S + 2 * declared.silent_s
         await asyncio.wait({task}, timeout=began_s + within_s - time.monotonic())
         if self._wrong:
@@ -390,10 +416,7 @@ class _Session:
                 raise surely(f"{within_s:g} s after the device is dead run() has not raised")
             await self._cancel()
             return
-        if (error := task.exception()) is None:
-            raise surely("run() returns; it runs until it is cancelled")
-        if not isinstance(error, FAILURES):
-            raise surely(f"run() raises {described(error)}")
+        self._check_end()
         for action in [*declared.actions] * AGAIN:  # the operator tries
             with contextlib.suppress(*FAILURES):
                 await self._driver.act(action)
@@ -411,30 +434,15 @@ class _Session:
             self._peer.mend()
             await asyncio.wait({self._running()}, timeout=LATE_S)  # the question has its answer
             if self._running().done():
-                error, self._task = self._running().exception(), None
-                if not isinstance(error, FAILURES):
-                    raise StepFailed(f"run() ends with {error!r}")
+                self._check_end()
                 if not lasts_s:
                     raise surely("it outlasts such a silence at its begin, and not later")
                 return
             await asyncio.wait({self._running()}, timeout=lasts_s)
 
-    async def _be_silent_and_cancel(self) -> None:
-        self._peer.faults["silent"]()
-        await asyncio.wait({self._running()}, timeout=WAITS_S)  # it has asked
-        if not self._running().done():
-            await self._cancel()
-
     async def _refuse(self) -> None:
         self._peer.faults["refusing"]()
-        for action in self._driver.declaration.actions:
-            before = self._watcher.look().acted
-            try:
-                reply = await asyncio.wait_for(self._driver.act(action), OPEN_S)
-            except FAILURES:
-                continue
-            if self._watcher.look().acted == before:
-                raise StepFailed(f"the device refuses {action!r}, and act() returns {reply!r}")
+        await self._act_in_vain("refusing")
 
     async def _count_rows(self, apart_s: float) -> None:
         """Count rows, which are to come ``apart_s`` from each other; 0: not too often."""
@@ -482,14 +490,9 @@ class _Session:
         for _ in range(steps):
             await asyncio.sleep(0.002)
         task = self._running()
-        task.cancel()
-        await asyncio.wait({task}, timeout=CANCEL_S)
-        if not task.done():
-            raise StepFailed(f"run() goes on {CANCEL_S:g} s after it was cancelled")
+        await self._ended(task)
         if not task.cancelled():
-            error = task.exception()
-            how = "returns" if error is None else f"raises {described(error)}"
-            raise StepFailed(f"run() {how} when it is cancelled")
+            raise StepFailed(f"{_end_of(task)} when it is cancelled")
         self._task = None
 
     async def _kill_and_open(self) -> None:
@@ -500,10 +503,29 @@ class _Session:
         self._new()
         await self._open()
 
+    async def _open_another(self) -> None:
+        """Have another driver open the same device: if it may not, nothing has changed."""
+        other = self._subject.make(self._peer, self._peer.link())
+        self._all.append(other)
+        taken = False
+        with contextlib.suppress(*FAILURES):
+            await asyncio.wait_for(other.open(), OPEN_S)
+            taken = True  # in the place of this one, perhaps
+        await self._must("close", other.close())
+        if taken:
+            await self._ended(self._running())
+            await self._begin_anew()
+        await self._wait_for_rows()
+
+    async def _begin_anew(self) -> None:
+        await self._must("close", self._driver.close())
+        await self._open()
+        await self._run()
+
     async def _close(self) -> None:
         rows = self._rows
         for turn in ("close", "close again"):
-            await self._must(turn, self._driver.close())
+            await self._must(turn, self._driver.close(), CLOSES_S)
         await asyncio.sleep(ENDS_S)  # what is under way arrives
         before = self.readings.sent
         await asyncio.sleep(ENDS_S)
@@ -517,12 +539,12 @@ class _Session:
         self._new()
 
     async def _arm(self) -> None:
-        rest = [min(max(0.0, item.low), item.high) for item in self._setpoints]
-        await self._must("write", self._driver.write(rest))
+        at_rest = rest(self._driver)
+        await self._must("write", self._driver.write(at_rest))
         await self._still("without arm()")
         await self._must("arm", self._driver.arm())
         if self._observed:
-            driven = await self._settled([self._safe, rest])
+            driven = await self._settled([self._safe, at_rest])
             if driven is None:
                 raise StepFailed(f"the device is driven at {self._watcher.look().driven}")
             self._wanted = driven
@@ -562,10 +584,6 @@ class _Session:
 
     # What must hold.
 
-    @property
-    def _setpoints(self) -> Sequence[Any]:
-        return self._driver.declaration.setpoints
-
     def _new(self) -> None:
         self._driver: SlowDriver = self._subject.make(self._peer, self._peer.link())
         self._all.append(self._driver)
@@ -576,7 +594,8 @@ class _Session:
 
     def _emit(self, row: Sequence[float]) -> None:
         self._rows += 1
-        self._emitted_s = time.monotonic()
+        now_s = time.monotonic()
+        self._gap_s, self._emitted_s = max(self._gap_s, now_s - self._emitted_s), now_s
         self._kept = min(self._kept, self.readings.sent - self._rows)
         self._came.set()
         problems = list(row_problems(self._driver.declaration, row, in_range=not self._fails))
@@ -584,9 +603,24 @@ class _Session:
             problems += self.readings.newest_first(row, AGE_S)
         self._wrong += map(StepFailed, problems)
 
-    async def _must(self, what: str, call: Awaitable[Any]) -> Any:
+    def _check_end(self) -> None:
+        """Check that run() has ended as it does if the device fails."""
+        task, self._task = self._running(), None
+        if not isinstance(task.exception(), FAILURES):
+            raise surely(_end_of(task))
+
+    async def _ended(self, task: asyncio.Task[None]) -> None:
+        """Cancel a call, and wait until it has ended."""
+        task.cancel()
+        await asyncio.wait({task}, timeout=CANCEL_S)
+        if not task.done():
+            raise StepFailed(f"it goes on {CANCEL_S:g} s after it was cancelled")
+
+    async def _must(self, what: str, call: Awaitable[Any], within_s: float = OPEN_S) -> Any:
         try:
-            return await asyncio.wait_for(call, OPEN_S)
+            return await asyncio.wait_for(call, within_s)
+        except StepFailed:
+            raise
         except Exception as error:  # noqa: BLE001  # whatever a driver raises is a finding
             expect(what, CallOutcome(error=error))
 
@@ -613,6 +647,11 @@ class _Session:
         for look in self._watcher.since(began_s):
             if look.energised or not all(map(near, self._setpoints, look.driven, self._safe)):
                 raise StepFailed(f"{when} the device is driven at {look.driven}")
+
+
+def _end_of(task: asyncio.Task[None]) -> str:
+    error = task.exception()
+    return "run() returns" if error is None else f"run() raises {described(error)}"
 
 
 def _often(subject: Subject) -> Iterator[str]:
@@ -646,42 +685,30 @@ RULES: Final = (
         "",
     ),
     Rule(
-        "dead",
-        "with the link dead run() raises a LinkError or DeviceError, within 2 silent_s",
-        in_turn(_play, (*RUNS, ("fail for long", "dead"))),
-        "dead",
-    ),
-    Rule(
         "silent",
         "with the device silent run() raises a DeviceError, or emits nothing: no row is made up; "
-        "it lets CancelledError pass while it waits for an answer; act() raises a DeviceError if "
-        "none comes within a bound",
+        "act() raises a DeviceError if none comes within a bound",
         in_turn(
             _play,
             (*RUNS, ("fail for long", "silent")),
-            (*RUNS, ("be silent and cancel",)),
             (*RUNS, ("lose answers, early and late",)),
         ),
         "silent",
     ),
-    Rule(
-        "late",
-        "an answer that is late is waited for within a bound, or raises a DeviceError",
-        in_turn(_play, (*RUNS, ("fail for long", "late"))),
-        "late",
-    ),
-    Rule(
-        "garbled",
-        "damaged answers are thrown away or raise a ProtocolError; they never become rows, and "
-        "act() returns only what the device answers if it did it",
-        in_turn(_play, (*RUNS, ("fail for long", "garbled"))),
-        "garbled",
+    *(
+        Rule(fault, demand, in_turn(_play, (*RUNS, ("fail for long", fault))), fault)
+        for fault, demand in {
+            "dead": "with the link dead run() raises a LinkError or DeviceError, within 2 silent_s",
+            "late": "an answer that is late is waited for within a bound, or raises a DeviceError",
+            "garbled": "damaged answers are thrown away or raise a ProtocolError; they never "
+            "become rows, and act() returns only what the device answers if it did it",
+        }.items()
     ),
     Rule(
         "action refused",
         "act() returns if the device says that it has done the action; else it raises a "
         "DeviceError, whatever the words of the refusal are",
-        in_turn(_play, (*RUNS, ("refuse",))),
+        in_turn(_play, *[(*RUNS, ("refuse",))] * REFUSALS),
         "refusing",
     ),
 )

@@ -66,6 +66,10 @@ class HeldTime:
             now_s = self.look()
             return now_s - next((s for at_s, s in reversed(self._looks) if at_s <= time_s), 0.0)
 
+    def exceeds(self, took_s: float, most_s: float, since_s: float) -> bool:
+        """Return whether what was done since a time took longer than it may, this machine apart."""
+        return took_s > most_s and took_s > most_s + self.since(since_s)
+
 
 class Watcher:
     """Looks at a device all the time, and keeps each look that differs from the one before."""

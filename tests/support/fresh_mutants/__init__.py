@@ -21,6 +21,8 @@ class Fresh:
     #: Texts of the file as written, each with what stands in its place; CLS is the class's name.
     edits: tuple[tuple[str, str], ...]
     file: str = "driver"
+    #: Why rigd lets a driver do so: then it is played, and not counted.
+    allowed: str = ""
 
     def applied(self, text: str, class_name: str) -> str:
         """Return ``text``, of the package whose class is ``class_name``, with the mistake.
