@@ -103,7 +103,7 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
     "close and open": KindOfStep("armed", 0.7, "open", 2, "setpoints", "drives silent"),
     "prove watchdog": KindOfStep("open", 0.3, "open", 1, "watchdog", "drives"),
     "arm": KindOfStep("open", 4, "armed", marks="drives"),
-    "arm and at once make safe": KindOfStep("open", 0.5, "open", 1, "setpoints", "drives"),
+    "arm and at once make safe": KindOfStep("open", 1.5, "open", 3, "setpoints", "drives"),
     "ramp and at once make safe": KindOfStep("armed", 1.2, "open", 2, "setpoints", "drives"),
     "arm anew": KindOfStep("armed", 0.8, "", 2, "setpoints"),
     "write": KindOfStep("armed", 16, needs="setpoints"),
