@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable
 from typing import Final
 
@@ -17,10 +16,6 @@ _log = logging.getLogger(__name__)
 
 #: One line in the log per this many seconds, with the number of those in between.
 _LOG_EVERY_S: Final = 1.0
-
-#: The clients that ask too much are named as often as this, in s, and so many of them.
-_NAME_EVERY_S: Final = 60.0
-_NAMED: Final = 5
 
 _COUNTED: Final = {
     Code.BAD_REQUEST: "malformed",
@@ -53,18 +48,14 @@ class Refused:
         self._counts = dict.fromkeys(RefusedCounts.model_fields, 0)
         self._unlogged = 0
         self._log_from_ns = clock()
-        self._asked: Counter[str] = Counter()  # questions too many, by client, not logged yet
-        self._name_from_ns = clock()
 
     def count(self, key: str, refusal: Refusal) -> None:
         """Count a refusal, unless it is normal, such as a lease held by another client.
 
         ``key`` is the request.
         """
-        if isinstance(refusal, TooManyQuestions):
-            self._count_question(refusal.identity)
-            return
-        kind = _COUNTED.get(refusal.code)
+        too_many = isinstance(refusal, TooManyQuestions)
+        kind = "too_many" if too_many else _COUNTED.get(refusal.code)
         if kind is None:
             return
         with self._lock:
@@ -78,21 +69,6 @@ class Refused:
         _log.warning(
             "refused (%s) %.200r: %.300r; %d more since the last line",
             refusal.code.value, key, refusal.message, unlogged,
-        )  # fmt: skip
-
-    def _count_question(self, identity: str) -> None:
-        with self._lock:
-            self._counts["too_many"] += 1
-            known = identity in self._asked or len(self._asked) < _NAMED
-            self._asked[identity if known else "others"] += 1
-            now_ns = self._clock()
-            if now_ns < self._name_from_ns:
-                return
-            self._name_from_ns = now_ns + round(_NAME_EVERY_S * 1e9)
-            asked, self._asked = self._asked, Counter()
-        _log.warning(
-            "refused questions, more than %g a second: %s; the next line is in a minute",
-            ASK_PER_S, ", ".join(f"{count} of {name}" for name, count in asked.most_common()),
         )  # fmt: skip
 
     def counts(self) -> RefusedCounts:
