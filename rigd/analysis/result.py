@@ -496,6 +496,16 @@ class IdentificationResult:
     further: tuple[FurtherTest, ...] = ()  #: of what is open, if the analysis predicts tests
     #: Relative standard uncertainty (of the logarithm) of a parameter by its sources, by name.
     budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    #: Chance that a test names or refuses something of a right rig, by its name.
+    alarms: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def false_alarm(self) -> float:
+        """Return the largest chance that anything is named or refused of a right rig.
+
+        It is the sum over all tests that were made (Bonferroni), whatever they depend on.
+        """
+        return min(1.0, sum(self.alarms.values()))
 
     def parameter(self, name: str) -> ParameterEstimate:
         """Return the fitted or derived parameter ``name``; raise KeyError if there is none."""

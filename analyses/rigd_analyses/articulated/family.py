@@ -21,9 +21,8 @@ from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest
 from rigd_analyses.articulated.extensions import candidates
 from rigd_analyses.articulated.search import SCORES, RobotFit
 from rigd_analyses.articulated.system import SHARED, RobotSystem
+from rigd_analyses.articulated.thresholds import ROBOT
 
-#: Relative: no two careful measures of a length differ by so much.
-UNLIKELY: Final = 0.03
 LENGTHS: Final = ("wheel_radius", "half_track", "half_wheelbase", "hinge_distance")
 
 
@@ -63,12 +62,12 @@ class RobotFamily(Family[RobotSystem]):
             findings = (loud, *gate.findings)
             gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text, findings=findings)
         off = common_scale(whole)
-        return _with_lengths(gate, off) if abs(off) > UNLIKELY else gate
+        return _with_lengths(gate, off) if abs(off) > ROBOT.max_length_share else gate
 
     def shifts(self, whole: OutputErrorFit) -> tuple[FloatArray, ...]:
         """Return the step of the parameters if all lengths are off instead of the camera."""
         off = common_scale(whole)
-        return (_by_lengths(whole, off),) if abs(off) > UNLIKELY else ()
+        return (_by_lengths(whole, off),) if abs(off) > ROBOT.max_length_share else ()
 
 
 def robot_family(found: RobotFit, grip: float) -> RobotFamily:

@@ -39,6 +39,7 @@ from rigd_analyses.articulated.system import (
     RobotSystem,
     Run,
 )
+from rigd_analyses.articulated.thresholds import ROBOT
 
 METHOD: Final = "output error: motor speeds in; motor torques and camera poses out"
 WORDS: Final = {
@@ -63,7 +64,6 @@ NO_SLIDING: Final = (
     "times the load."
 )
 FITTED: Final = ("k_lon", "k_lat", "k_roll", "mu_d", "mu_s")
-CLEAR: Final = 3.0  #: standard errors from which another scale of the camera is worth a word
 POINTS: Final = 25
 FRONT_WHEELS: Final = ("front right", "front left", "rear right", "rear left")
 TRANSIENT_S: Final = 3.0  #: of a circle, before its radius is taken
@@ -119,6 +119,7 @@ def result(found: Identification[RobotFamily]) -> IdentificationResult:
             *((BY_LAW,) if _is_given(found) else ()),
         ),
         gate=gate,
+        alarms=found.alarms,
     )
 
 
@@ -135,7 +136,7 @@ def _camera(fit: OutputErrorFit) -> list[str]:
     for axis in ("x", "y"):
         place = SHARED.index(f"scale_{axis}")
         scale, sd = float(fit.fit.theta[place]), math.sqrt(float(fit.covariance[place, place]))
-        if abs(scale) > CLEAR * sd:
+        if abs(scale) > ROBOT.min_camera_scale_sd * sd:
             found.append(
                 f"The camera's scale along {axis} is {100 * scale:+.2f} % ± {100 * sd:.2f} % off; "
                 "it is fitted, and the numbers are free of it."

@@ -21,17 +21,14 @@ from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FloatArray
 from rigd_analyses.articulated.system import RATIO, SHARED, RobotSystem
+from rigd_analyses.articulated.thresholds import ROBOT
 
 SCORES: Final = 10  #: frames, 0.4 s: longest correlation of the scores that is accounted for
 ROUNDS: Final = 2  #: of choosing trials without sliding and fitting them roughly
 ITERATIONS: Final = 30  #: of a fit; 10 end one in five before its optimum
-DECREASE: Final = 1e-2  #: of the cost, below which it ends
-ENOUGH: Final = 3e-6  #: and below which the fit of all trials does: 0.1 of 3e4
 FRICTION: Final = (SHARED.index("mu_d"), SHARED.index(RATIO))
 FIRST_S: Final = 8.0  #: of each trial without sliding that the first fit takes
 SLIDING_S: Final = 2.0  #: of each other trial that mu_s and mu_d are first sought in
-NO_STEP: Final = 1.001  #: mu_s over mu_d, its bound: other values of both are sought from there
-WRONG: Final = 1.2  #: mean square from which other mu_s and mu_d are sought
 #: s of these trials in which that is done, one after the other while the fit is wrong; a coarse
 #: mu_d is sought in the first.
 SOUGHT_S: Final = (1.0, 2.0, 4.0, math.inf)
@@ -47,17 +44,13 @@ AGAIN: Final = tuple(
     for off in (0.0025, 0.005, 0.0075, 0.01, 0.015, 0.02, 0.03, 0.05, 0.08, 0.15)
     for sign in (-1.0, 1.0)
 )
-RULED_OUT: Final = 1.92  #: of the cost: half the 95 % point of chi-squared
 MOST_BETTER: Final = 3
 MOST_FURTHER: Final = 3  #: fits after one that has not converged
 #: Shares of mu_s N over which contacts may let go gradually, half of each; and by how many of these
 #: mu_s is larger then.
 WIDTHS: Final = (0.02, 0.035, 0.05, 0.075, 0.1, 0.15)
 UP: Final = (0.1, 0.25, 0.4, 0.55, 0.7, 0.9, 1.2)
-RULED_OUT_ROUGHLY: Final = 3.0  #: of the cost: the same, between the values that are tried
-HOPELESS: Final = 40.0  #: of the cost: no other parameter makes up for it
 NO_SLIDING: Final = (5.0, 4.0)  #: mu_d and its ratio at which nothing slides
-OFF: Final = 0.15  #: relative: way by the camera over that by the wheels
 CHORD_S: Final = 0.4  #: of the way by the camera: noise would lengthen shorter ones
 
 
@@ -99,11 +92,11 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
     counted = _counted(system)
 
     def is_wrong(ended: Fit) -> bool:
-        return 2.0 * ended.cost > WRONG * counted
+        return 2.0 * ended.cost > ROBOT.max_mean_square * counted
 
     def is_elsewhere(branch: Branch) -> bool:
         """Whether the optimum may be another: a contact that slides as it grips is none."""
-        return is_wrong(branch[1]) or branch[1].theta[FRICTION[1]] < NO_STEP
+        return is_wrong(branch[1]) or branch[1].theta[FRICTION[1]] < ROBOT.min_ratio
 
     if sliding and is_elsewhere(branch):
         kinetic = _begin_sliding(system, sliding, gripping, SOUGHT_S[0])[FRICTION[0]]
@@ -129,7 +122,7 @@ def find(system: RobotSystem, grip: float, notify: Callable[[str], None]) -> Rob
         starts = (ended.theta, _beyond(ended_at))
         further = [(model, ended), *(_fitted(system, start) for start in starts)]
         branch = min(further, key=lambda item: item[1].cost)
-        if branch[1].cost > ended.cost - ENOUGH * ended.cost:
+        if branch[1].cost > ended.cost - ROBOT.min_decrease * ended.cost:
             break
     if not is_wrong(ended):
         ended_at = _with_step(ended_at)
@@ -167,7 +160,7 @@ def fitted_from(system: RobotSystem, theta: FloatArray) -> OutputErrorFit:
 def _fitted(system: System, theta: FloatArray) -> Branch:
     model = OutputErrorModel(system, noise_at(system, theta))
     ended = fit(
-        model, theta, max_iterations=ITERATIONS, relative_decrease=ENOUGH, damping=NEAR,
+        model, theta, max_iterations=ITERATIONS, relative_decrease=ROBOT.min_decrease, damping=NEAR,
         thorough=True, ridges=True,
     )  # fmt: skip
     return model, ended
@@ -192,10 +185,10 @@ def check_way(system: RobotSystem) -> None:
             ratios.append(float(np.sum(steps)) / turned)
         least = min(least, turned)
     ratio = float(np.median(ratios)) if ratios else 1.0
-    if abs(ratio - 1.0) <= OFF:
+    if abs(ratio - 1.0) <= ROBOT.max_way_share:
         return
     n = system.gear_ratio
-    if abs(ratio / n - 1.0) < OFF:
+    if abs(ratio / n - 1.0) < ROBOT.max_way_share:
         guess = f"that is the gear ratio {n:g}: the speeds are those of the wheels, not the motors"
     else:
         guess = (
@@ -243,7 +236,7 @@ def _rough(system: RobotSystem, point: FloatArray) -> FloatArray:
     """Return the shared parameters (p,) of a rough fit from ``point``."""
     theta = _theta(system, point)
     model = OutputErrorModel(system, noise_at(system, theta))
-    ended = fit(model, theta, max_iterations=ITERATIONS, relative_decrease=DECREASE)
+    ended = fit(model, theta, max_iterations=ITERATIONS, relative_decrease=ROBOT.min_decrease_first)
     return ended.theta[: len(SHARED)]
 
 
@@ -294,7 +287,7 @@ def _lengthened(
             if (cost := _cost(model, other, least)) < least:
                 best, least = other, cost
         branch = _fitted(part, best)
-        if 2.0 * branch[1].cost > WRONG * _counted(part):
+        if 2.0 * branch[1].cost > ROBOT.max_mean_square * _counted(part):
             return found
         if seconds >= longest:
             return branch
@@ -335,7 +328,7 @@ def _scanned(system: RobotSystem, sliding: Sequence[int], branch: Branch) -> tup
         here, costs = model.cost(rows), []
         for share in AGAIN:
             rows[place] = max(theta[place] * share, 1.0)
-            costs.append(_cost(model, rows, here + RULED_OUT))
+            costs.append(_cost(model, rows, here + ROBOT.max_cost))
         gains = np.array(costs) - here
         best = int(np.argmin(gains))
         if gains[best] > -THRESHOLDS.min_cost_gained:
@@ -343,7 +336,7 @@ def _scanned(system: RobotSystem, sliding: Sequence[int], branch: Branch) -> tup
         moved = theta.copy()
         moved[place] = max(theta[place] * AGAIN[best], 1.0)
         branch = _fitted(system, moved)
-    allowed = np.abs(np.log(AGAIN))[gains < RULED_OUT]
+    allowed = np.abs(np.log(AGAIN))[gains < ROBOT.max_cost]
     return branch, float(np.max(allowed, initial=0.0))
 
 
@@ -372,7 +365,7 @@ def _by_other_laws(system: RobotSystem, sliding: Sequence[int], branch: Branch) 
     def gained(gradient: FloatArray) -> float:
         return 0.5 * float(gradient[others] @ inverse @ gradient[others])
 
-    most = RULED_OUT_ROUGHLY - gained(gradient)
+    most = ROBOT.max_cost_rough - gained(gradient)
     order = sorted(sliding, key=lambda k: len(system.trials[k].poses))  # short ones rule out soon
     for width in WIDTHS:
         other, allowed = replace(system, width=width), 0.0
@@ -385,9 +378,9 @@ def _by_other_laws(system: RobotSystem, sliding: Sequence[int], branch: Branch) 
                 part = model.noise[k].whiten_errors(shown - system.measured[k]).ravel()
                 worse += 0.5 * float(part @ part - white[k] @ white[k])
                 slope[here] += moved[k].T @ (part - white[k])
-                if not worse < HOPELESS:
+                if not worse < ROBOT.max_cost_hopeless:
                     break
-            if worse < HOPELESS and worse - gained(slope) < most:
+            if worse < ROBOT.max_cost_hopeless and worse - gained(slope) < most:
                 allowed = 1.0 + up * width
         if not allowed:
             break

@@ -20,7 +20,7 @@ from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import FloatArray, ResidualTest
 
 #: Repeats of one simulated rig give less in 1 of 100 pairs; what changed friction gives 1e-10.
-LEVEL = 1e-3
+MAX_P_VALUE_RECORDINGS = 1e-3
 
 
 def agreement(
@@ -40,7 +40,7 @@ def agreement(
     effective = float(np.count_nonzero(together.mask)) / inflation(error)
     statistic = effective * math.log(max(common.cost / sum(x.cost for x in own.values()), 1.0))
     p_value = float(chi2.sf(statistic, len(theta) * (len(apart) - 1)))
-    agree = p_value > LEVEL
+    agree = p_value > MAX_P_VALUE_RECORDINGS
     return ResidualTest(
         "agreement of recordings",
         statistic,

@@ -35,6 +35,8 @@ from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, Tri
 
 MOST_BETTER = 3  #: times that profiles may find a better fit
 VARIANT_ITERATIONS = 3  #: of the fit of a variant; its optimum is near
+#: The tests of a diagnosis, each with a chance of a false alarm of its own.
+DIAGNOSED = ("causes of a misfit", "a loud band of frequencies", "a jump")
 
 S = TypeVar("S", bound=System)
 
@@ -93,6 +95,14 @@ class Family(Generic[S]):
         """Return the tests whether trials and recordings agree."""
         return ()
 
+    def alarms(self, tests: Sequence[ResidualTest]) -> dict[str, float]:
+        """Return the chance that a test names or refuses something of a right rig, by its name.
+
+        They are the levels of all tests that are made; ``tests`` are those of :meth:`agreement`.
+        """
+        levels = dict.fromkeys(DIAGNOSED, THRESHOLDS.max_p_value_cause)
+        return levels | {test.name: THRESHOLDS.max_p_value_agreement for test in tests}
+
     def findings(self, whole: OutputErrorFit, gate: Gate, tests: tuple[ResidualTest, ...]) -> Gate:
         """Return ``gate`` with what the family finds itself; ``tests`` are of :meth:`agreement`."""
         return gate
@@ -145,6 +155,11 @@ class DiagnosedFit(Generic[F]):
     def fits(self) -> bool:
         """Whether the model fits these trials, as far as the gate can say, and has converged."""
         return self.gate.outcome is not FitOutcome.MISFIT and self.whole.converged
+
+    @property
+    def alarms(self) -> dict[str, float]:
+        """Return the chance of a false alarm of each test that was made, by its name."""
+        return self.family.alarms(self.tests)
 
     def by_unexplained(self, gradient: FloatArray) -> float:
         """Return by how much what is not explained may move a quantity.

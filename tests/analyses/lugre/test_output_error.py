@@ -157,6 +157,11 @@ def shown(
     return RigIdentification(begun.family, whole, gate, variants=variants, visited=(0.0, 1.0))
 
 
+def test_right_rig_is_named_with_small_chance(pvc: IdentificationResult) -> None:
+    assert set(pvc.alarms) >= {"causes of a misfit", "steady friction"}
+    assert pvc.false_alarm == pytest.approx(0.0151)
+
+
 def test_fit_that_has_not_converged_gives_no_number(begun: RigFit) -> None:
     assert begun.whole.converged
     left = begun.whole.left.copy()

@@ -136,3 +136,16 @@ def test_doubts_count_for_what_they_move() -> None:
     assert found.by_unexplained(gradient) == 0.0
     gradient[GAIN] = 2.0
     assert found.by_unexplained(gradient) == pytest.approx(0.6)
+
+
+def test_right_trials_are_seldom_named_or_refused() -> None:
+    """The sum of all levels bounds how often: 1.5 % and that of the test of agreement."""
+    right = family()
+    alarms = identify(right).alarms
+    assert sum(alarms.values()) == pytest.approx(0.0151)
+    lines = [replace(right.system, seed=seed, measured=()) for seed in range(2, 62)]
+    named = [
+        identify(replace(right, system=system)).gate.outcome is not FitOutcome.FITS
+        for system in lines
+    ]
+    assert sum(named) <= 4  # of 60; more come by chance in 1 of 1000 such studies

@@ -25,13 +25,12 @@ from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.coupling_problem import Reduced, optima
 from rigd_analyses.lugre.lateral.loads import Loads, loads_at, plain
 from rigd_analyses.lugre.lateral.system import LateralSystem
+from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.rig.system import GUIDE
 
 MOST_ROUNDS = 12
-GAINED = 0.02  #: in ln L: less than that ends the rounds
 POLISHING = 20  #: iterations of a fit that holds the coupling
 MOST_ENDS = 6  #: optima of the frictions of the trials that are tried
-WORTH = 1e-3  #: in ln L: what ends a fit of the coupling
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,19 +80,24 @@ def couple(
         point = _point(problem, target)
         with np.errstate(over="ignore", invalid="ignore"):
             found = model.cost(point)
-        if not found < cost - GAINED:  # the step of all else may be too long
+        if not found < cost - LATERAL.min_gain_round_ln_l:  # the step of all else may be too long
             found, point = _polished(system, model, problem, target)
         gained = cost - found
         if gained > 0.0:
             cost, theta, coupling = found, point, target
-        if gained < GAINED:
+        if gained < LATERAL.min_gain_round_ln_l:
             break
     return Coupled(_concluded(model, theta, cost, max(gained, 0.0), block), loads, coupling)
 
 
 def fitted(problem: Reduced, start: FloatArray) -> Fit:
     """Return the fit of a coupling from ``start`` (8,), natural."""
-    return fit(problem, start, thorough=True, relative_decrease=WORTH / problem.samples)
+    return fit(
+        problem,
+        start,
+        thorough=True,
+        relative_decrease=LATERAL.min_gain_coupling_ln_l / problem.samples,
+    )
 
 
 def _polished(
@@ -119,8 +123,9 @@ def _polished(
     with np.errstate(over="ignore", invalid="ignore"):
         try:
             end = fit(
-                model, theta, affine=affine, relative_decrease=WORTH / len(model.mask),
-                damping=NEAR, max_iterations=POLISHING, thorough=True, ridges=True,
+                model, theta, affine=affine, damping=NEAR,
+                relative_decrease=LATERAL.min_gain_coupling_ln_l / len(model.mask),
+                max_iterations=POLISHING, thorough=True, ridges=True,
             )  # fmt: skip
         except DataError as error:
             raise Diverged(diverged(model, theta)) from error
@@ -149,7 +154,7 @@ def _concluded(
     """
     scaled, count = to_scaled(model.parameters, theta), len(theta)
     end = Fit(
-        theta, scaled, theta, cost, MOST_ROUNDS, MOST_ROUNDS, gained < GAINED,
+        theta, scaled, theta, cost, MOST_ROUNDS, MOST_ROUNDS, gained < LATERAL.min_gain_round_ln_l,
         np.zeros((count, count)),
     )  # fmt: skip
     whole = conclude(model, end, block)

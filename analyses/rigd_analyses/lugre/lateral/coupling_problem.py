@@ -30,10 +30,12 @@ from rigd.analysis.fitting.model import (
 from rigd.analysis.fitting.uncertainty import scaled_pinv
 from rigd.analysis.output_error.score import holm
 from rigd.analysis.output_error.system import Unknown
+from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import Explanation, FloatArray
 from rigd_analyses.lugre.lateral.coupling import DRY, HEIGHT, LEVER, NAMES, VISCOUS, load
 from rigd_analyses.lugre.lateral.loads import Loads
-from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
+from rigd_analyses.lugre.lateral.system import LateralSystem
+from rigd_analyses.lugre.lateral.thresholds import LATERAL
 
 DRY_GRID = np.geomspace(2e-3, 0.15, 31)
 VISCOUS_GRID = np.geomspace(5e-4, 0.3, 31)  #: s/m
@@ -41,19 +43,14 @@ VISCOUS_GRID = np.geomspace(5e-4, 0.3, 31)  #: s/m
 LOOSE = 0.05
 MOST_STARTS = 6  #: minima on the grid
 DRAWS = 6  #: starts around each optimum, beyond kinks that lengths move
-NEAR = 10.0  #: in ln L: optima that are worse by no more have such starts
 SEED = 13
-WORTH = 1e-2  #: gain in ln L that ends a fit
 ROLLERS_SD = 0.1  #: of such starts, in the logarithm of the rollers' friction
 #: Places of the constants that the rollers' friction rests on: guide friction and the lengths.
 RESTS_ON = (0, *range(1 + LEVER, 1 + len(NAMES)))
 #: Those that are tested. The load of the guide depends on mu_R times height and on mu_R times half
 #: span: with mu_R free, to leave the one or the other to the data is one test.
 TESTED = tuple(place for place in RESTS_ON if place != 1 + HEIGHT)
-LEVEL = 0.02  #: chance of one false alarm in all of these; that of all else is 0.5 %
-TOLD_APART = 3.84  #: gain in -2 ln L by which the data prefer one explanation to another (95 %)
 OTHER_VALUES = (0.5, 2.0)  #: times the stated one, from which the data may find another
-SAME = 0.2  #: of an uncertainty, or of this: two ends are one optimum
 #: By which share the rollers rub more at positive lateral speeds than on average, and less at
 #: negative ones; no law of the coupling has it. It is the ninth parameter where it is sought.
 UNEVEN = Unknown(
@@ -109,7 +106,7 @@ class Reduced:
             ("_speeds", np.concatenate(system.speeds) * (-1.0 if system.turned else 1.0)),
             ("_counts", np.array(counts)),
             ("_begins", np.cumsum([0, *counts[:-1]])),
-            ("_moving", means >= STRAIGHT_M_S),
+            ("_moving", means >= LATERAL.min_speed_m_s),
         ):
             object.__setattr__(self, name, value)
 
@@ -221,10 +218,10 @@ def optima(model: Reduced) -> list[Fit]:
     """Return the optima of ``model``, the best first."""
     rng = np.random.default_rng(SEED)
     spread = np.where(np.isfinite(model.sds), model.sds, ROLLERS_SD)
-    enough = WORTH / model.samples
+    enough = LATERAL.min_gain_start_ln_l / model.samples
     ends = [fit(model, start, thorough=True, relative_decrease=enough) for start in _starts(model)]
     least = min(end.cost for end in ends)
-    for end in [end for end in ends if end.cost < least + NEAR]:
+    for end in [end for end in ends if end.cost < least + LATERAL.max_behind_start_ln_l]:
         for draw in rng.standard_normal((DRAWS, len(spread))):
             theta = model.natural(end.scaled + spread * draw)
             ends.append(fit(model, theta, thorough=True, relative_decrease=enough))
@@ -232,7 +229,7 @@ def optima(model: Reduced) -> list[Fit]:
     distinct: list[Fit] = []
     for end in ends:
         moved = [np.max(np.abs(end.scaled - other.scaled) / spread) for other in distinct]
-        if min(moved, default=math.inf) > SAME:
+        if min(moved, default=math.inf) > LATERAL.max_distance_one_optimum:
             distinct.append(end)
     return distinct
 
@@ -249,7 +246,12 @@ def strained(laws: Sequence[Reduced], coupling: FloatArray) -> Explanation | Non
     each law, the fitted first; ``coupling`` (8,) is the fitted.
     """
     model = laws[0]
-    held = fit(model, coupling, thorough=True, relative_decrease=WORTH / model.samples)
+    held = fit(
+        model,
+        coupling,
+        thorough=True,
+        relative_decrease=LATERAL.min_gain_start_ln_l / model.samples,
+    )
     # Half the lever is another optimum, and under another law: the one that is far from the fit.
     freed = [
         _freed(laws, held, place, everywhere=True)
@@ -257,14 +259,20 @@ def strained(laws: Sequence[Reduced], coupling: FloatArray) -> Explanation | Non
         else _freed([model], held, place)
         for place in TESTED
     ]
-    if not any(holm([float(chi2.sf(max(item.gain, 0.0), 1)) for item in freed], LEVEL)):
+    if not any(
+        holm(
+            [float(chi2.sf(max(item.gain, 0.0), 1)) for item in freed], LATERAL.max_p_value_coupling
+        )
+    ):
         return None
     freed = [_freed(laws, held, place, everywhere=True) for place in RESTS_ON]
     uneven = [replace(law, unknowns=(*law.unknowns, UNEVEN)) for law in laws]
     even = replace(held, theta=np.append(held.theta, 0.0))
     freed.append(replace(_freed(uneven, even, UNEVEN_PLACE, everywhere=True), stated=None))
     first, *others = sorted(freed, key=lambda item: -item.gain)
-    as_good = tuple(item.name for item in others if item.gain > first.gain - TOLD_APART)
+    as_good = tuple(
+        item.name for item in others if item.gain > first.gain - THRESHOLDS.min_gain_told_apart
+    )
     return replace(first, others=as_good)
 
 
@@ -275,7 +283,7 @@ def _freed(
     unknown = laws[0].unknowns[place]
     stated = unknown.parameter.start
     free = _with(laws[0], place, stated)
-    enough = WORTH / free.samples
+    enough = LATERAL.min_gain_start_ln_l / free.samples
     ended = fit(free, held.theta, thorough=True, relative_decrease=enough)
     if everywhere:
         for law, factor in product(laws, (1.0, *OTHER_VALUES)):
@@ -313,7 +321,7 @@ def _starts(model: Reduced) -> list[FloatArray]:
     system, at = model.system, model.coupling(start)
     means = np.array([float(np.mean(speed)) for speed in system.speeds])
     means = -means if system.turned else means
-    moving = np.abs(means) >= STRAIGHT_M_S
+    moving = np.abs(means) >= LATERAL.min_speed_m_s
     expected = model.loads.forces_n
     loose = np.outer(expected, expected) * LOOSE**2 + np.diag((LOOSE * expected) ** 2)
     precision = np.linalg.inv(model.loads.covariance + loose)

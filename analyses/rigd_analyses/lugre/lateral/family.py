@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from rigd.analysis import DataError
+from rigd.analysis.fitting.agreement import MAX_P_VALUE_RECORDINGS
 from rigd.analysis.fitting.fit import Fit, fit
 from rigd.analysis.output_error.augmented_system import same_with
 from rigd.analysis.output_error.estimator import Branch, OutputErrorFit, diverged, retried, settled
@@ -52,7 +53,8 @@ from rigd_analyses.lugre.lateral.loads import (
 from rigd_analyses.lugre.lateral.saved_friction import Carried
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, all_speeds, cell, lacking_force
 from rigd_analyses.lugre.lateral.starts import starts
-from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
+from rigd_analyses.lugre.lateral.system import LateralSystem
+from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.family import described, rig_system
@@ -63,15 +65,8 @@ from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
 
 OTHER_WINDOWS_S = (0.013, 0.041)  #: filters of the current: by how much the choice moves a value
 LEAST_CURRENTS = 2  #: the longitudinal friction is fitted along, and needs them
-SAME_CURRENT_A = 0.02
-UNSTEADY = 0.25  #: share of its mean by which the lateral speed may differ during a drive
-#: ln L that a turned lateral speed must gain to be accepted, and by which one of two couplings is
-#: preferred: a factor of 150 in the likelihood.
-CLEAR_GAIN = 5.0
 SCORES_S = 0.05  #: longest correlation of the scores that is accounted for
 ITERATIONS = 40  #: of one fit
-FAR_OFF = 30.0  #: in ln L: another choice, or optimum, that is so much worse is not fitted
-ONE_SPEED = 1.1  #: fastest over slowest lateral speed below which both are one
 BLOCK_S = 0.02  #: means over this time are what the lateral speed is taken from
 TURNED = (
     "The lateral speed's sign would have to be turned: encoder or belt direction. The same data "
@@ -134,6 +129,12 @@ class LateralFamily(Family[LateralSystem]):
         """Return the test whether all recordings have one coupling, if there are several."""
         test = agreement(reduced(self.loads, self.system, self.system), self.optimum)
         return () if test is None else (test,)
+
+    def alarms(self, tests: Sequence[ResidualTest]) -> dict[str, float]:
+        """Return the levels of all tests that are made, those of the coupling included."""
+        levels = super().alarms(()) if not self.system.turned else {}
+        levels |= {test.name: MAX_P_VALUE_RECORDINGS for test in tests}
+        return levels | {"constants of the coupling": LATERAL.max_p_value_coupling}
 
     def findings(self, whole: OutputErrorFit, gate: Gate, tests: tuple[ResidualTest, ...]) -> Gate:
         """Return ``gate``, without numbers if a constant that they rest on is strained."""
@@ -202,7 +203,7 @@ class LateralIdentification(Identification[LateralFamily]):
     @property
     def rows_known(self) -> bool:
         """Whether the data show how a lifted row of rollers rubs."""
-        return self.family.gains[self.family.rival] > CLEAR_GAIN
+        return self.family.gains[self.family.rival] > LATERAL.min_gain_ln_l
 
 
 def find_lateral(
@@ -265,9 +266,11 @@ def _family(
     least = min(ends[0].cost for ends in coarse.values())
     fits: dict[Choice, Coupled] = {}
     for choice, ends in coarse.items():
-        if ends[0].cost < least + FAR_OFF:
+        if ends[0].cost < least + LATERAL.max_behind_ln_l:
             part = system(*choice)
-            near = [end.theta for end in ends if end.cost < ends[0].cost + FAR_OFF][:MOST_ENDS]
+            near = [end.theta for end in ends if end.cost < ends[0].cost + LATERAL.max_behind_ln_l][
+                :MOST_ENDS
+            ]
             fits[choice] = couple(part, part, loads, near, block)
     best = min(fits, key=lambda choice: fits[choice].whole.fit.cost)
     lowest = fits[best].whole.fit.cost
@@ -277,7 +280,7 @@ def _family(
         for choice, ends in coarse.items()
     }
     as_recorded = min(((rows, False) for rows in LiftedRows), key=lambda choice: gains[choice])
-    if gains[as_recorded] < CLEAR_GAIN:
+    if gains[as_recorded] < LATERAL.min_gain_ln_l:
         best = as_recorded
     return LateralFamily(
         system=system(*best),
@@ -317,7 +320,7 @@ def _laws(family: LateralFamily, whole: OutputErrorFit) -> list[Coupled]:
     """Return the fit, and that with the other law of a lifted row unless it is far off."""
     end = coupled(whole, family.block)
     laws = [end]
-    if family.gains[family.rival] < FAR_OFF:
+    if family.gains[family.rival] < LATERAL.max_behind_ln_l:
         other = replace(family.system, rows=family.rival[0])
         extended = same_with(whole, other)
         near = [item.theta for item in optima(reduced(end.loads, other, extended))[:MOST_ENDS]]
@@ -332,7 +335,7 @@ def range_of(system: LateralSystem) -> tuple[float, ...]:
     means = [abs(float(np.mean(speed))) for speed in system.speeds]
     slow = min(value for value in means if value >= 0.5 * min(max(means), 0.1))
     fast = max(means)
-    return (slow, fast) if fast > ONE_SPEED * slow else (fast,)
+    return (slow, fast) if fast > LATERAL.max_speed_ratio * slow else (fast,)
 
 
 def _other(rows: LiftedRows) -> LiftedRows:
@@ -431,15 +434,15 @@ def _usable(
         abs(float(np.mean(item.speed_m_s[part][LEAD:])))
         for item, (_, part) in zip(used, kept, strict=True)
     )
-    if fastest < STRAIGHT_M_S:
+    if fastest < LATERAL.min_speed_m_s:
         raise DataError(
             f"no trial moves sideways: the lateral speed is {1e3 * fastest:.1f} mm/s at most, need "
-            f"{1e3 * STRAIGHT_M_S:.0f} mm/s",
+            f"{1e3 * LATERAL.min_speed_m_s:.0f} mm/s",
             hint="identify recordings without lateral motion by a procedure with `model: lugre`; "
             "else check the signal lateral_speed",
         )
     currents = sorted(item.trial.current_a for item in used)
-    distinct = 1 + int(np.count_nonzero(np.diff(currents) > SAME_CURRENT_A))
+    distinct = 1 + int(np.count_nonzero(np.diff(currents) > LATERAL.max_apart_a))
     if distinct < least_currents:
         raise DataError(
             f"all {len(used)} trials that can be fitted have {currents[0]:.2f} A: the friction "
@@ -456,6 +459,8 @@ def _unsteady(speed_m_s: FloatArray) -> str:
         return "the lateral speed has samples that are not numbers"
     mean = float(np.mean(speed_m_s))
     low, high = (float(x) for x in np.quantile(speed_m_s, [0.01, 0.99]))
-    if max(high - mean, mean - low) <= max(UNSTEADY * abs(mean), STRAIGHT_M_S):
+    if max(high - mean, mean - low) <= max(
+        LATERAL.max_unsteady_share * abs(mean), LATERAL.min_speed_m_s
+    ):
         return ""
     return f"the lateral speed runs from {low:+.3f} to {high:+.3f} m/s while the wheel is driven"

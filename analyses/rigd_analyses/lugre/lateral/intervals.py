@@ -17,9 +17,9 @@ from rigd_analyses.lugre.lateral.coupled_fit import Coupled, fitted
 from rigd_analyses.lugre.lateral.coupling import DRY, VISCOUS
 from rigd_analyses.lugre.lateral.coupling_problem import Reduced, optima
 from rigd_analyses.lugre.lateral.loads import plain
+from rigd_analyses.lugre.lateral.thresholds import LATERAL
 
 POINTS = 25  #: of a profile
-FAR = 4.0  #: times the threshold: optima up to there are followed
 REACH_SD = 4.0  #: to each side of the optima that it is to hold
 WIDER = 2.0  #: and how much further if an end is not reached
 MOST_WIDER = 3
@@ -118,7 +118,9 @@ def _profile(
     starts = [problem.of_coupling(item) for item in couplings]
     best = fitted(problem, starts[0])
     allowed = 0.5 * float(chi2.ppf(CONFIDENCE, 1))
-    held = [item for item in starts if problem.cost(item) < best.cost + FAR * allowed]
+    held = [
+        item for item in starts if problem.cost(item) < best.cost + LATERAL.max_followed * allowed
+    ]
     held += [problem.of_coupling(item) for item in accepted]
     parameter = problem.parameters[place]
     values = [

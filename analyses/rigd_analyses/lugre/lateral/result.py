@@ -26,15 +26,15 @@ from rigd.analysis.result import (
     Verdict,
 )
 from rigd_analyses.lugre.lateral.coupling import HEIGHT, ROW_DISTANCE, LiftedRows, loop_gain
-from rigd_analyses.lugre.lateral.family import CLEAR_GAIN, LateralIdentification
+from rigd_analyses.lugre.lateral.family import LateralIdentification
 from rigd_analyses.lugre.lateral.intervals import Ends
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, Together, together
+from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.rig.identification import UNEXPLAINED, WINDOW_S
 
 METHOD = "output error: current and lateral speed in; slip, travel and acceleration out"
 POINTS = 25
 BEYOND = "kinks of the load, law of a lifted row"
-HIGH_GAIN = 0.9  #: of the loop of Eqs. 22, 25 and 26; at 1 the rollers lock
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +158,7 @@ def result(found: LateralIdentification) -> LateralResult:
         visited=f"lateral speeds from {slow:.2f} to {fast:.2f} m/s",
         warnings=_warnings(found, cells, fast),
         gate=gate,
+        alarms=found.alarms,
         cells=cells,
         together=together(cells),
         speeds=speeds,
@@ -357,12 +358,12 @@ def _warnings(
             "rollers are separated by the stated guide_friction alone."
         )
     turned = max(found.family.gains[rows, not system.turned] for rows in LiftedRows)
-    if not system.turned and turned < CLEAR_GAIN:
+    if not system.turned and turned < LATERAL.min_gain_ln_l:
         lines.append("These data do not show which sign the lateral speed has.")
     theta = system.coupling(found.shared)
     s = np.array([DRY.value(theta, 0) + VISCOUS.value(theta, 0) * fast])
     gain = float(loop_gain(s, theta)[0])
-    if system.rows is LiftedRows.PRINTED and gain >= HIGH_GAIN:
+    if system.rows is LiftedRows.PRINTED and gain >= LATERAL.max_loop_gain:
         lines.append(
             f"The loop of Eqs. 22, 25 and 26 has the gain {gain:.2f} at {fast:.2f} m/s and locks "
             f"at 1: look at guide_height ({theta[HEIGHT]:.3g} m) and row_distance "

@@ -13,7 +13,8 @@ from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralTrial
 from rigd_analyses.lugre.lateral.published_cells import Published, published
-from rigd_analyses.lugre.lateral.system import STRAIGHT_M_S, LateralSystem
+from rigd_analyses.lugre.lateral.system import LateralSystem
+from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.rig.outputs import TRAVEL
 from rigd_analyses.lugre.rig.system import LEAD
 
@@ -129,7 +130,7 @@ def all_speeds(system: LateralSystem, whole: OutputErrorFit) -> list[Speeds]:
 def cell(trial: LateralTrial, lateral_m_s: float, found: Speeds) -> Cell:
     """Return the errors of one trial, whose mean measured lateral speed is ``lateral_m_s``."""
     ignored, included = found.measured - found.ignored, found.measured - found.included
-    straight = abs(lateral_m_s) < STRAIGHT_M_S
+    straight = abs(lateral_m_s) < LATERAL.min_speed_m_s
     signed = 0.0 if straight else float(np.copysign(trial.asked_m_s, lateral_m_s))
     faster = float(np.sign(trial.trial.current_a) * np.mean(ignored[-LEAD:]))
     driven = slice(LEAD, None)

@@ -20,6 +20,7 @@ from rigd.analysis.output_error.system import Output, Unknown
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralConstants
 from rigd_analyses.lugre.lateral.coupling import NAMES, LiftedRows, Load, Shape, load
+from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, TRAVEL
 from rigd_analyses.lugre.rig.system import GUIDE, LEAD, NO_LOAD, RigSystem
@@ -31,7 +32,6 @@ LEAST_U = 1e-4  #: relative: no length is known better than this
 DRY_BOX = (1e-3, 0.3)
 VISCOUS_BOX = (1e-4, 1.0)  #: s/m
 FIRST_DRY, FIRST_VISCOUS = 0.02, 0.02  #: start of a fit
-STRAIGHT_M_S = 0.01  #: slower lateral motion is that of a bridge at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ class LateralSystem:
     def _load(self, trial: int, shared: FloatArray) -> Load:
         """Return the load of one trial at its lateral speeds."""
         speed = self.speeds[trial]
-        if abs(float(np.mean(speed))) < STRAIGHT_M_S:
+        if abs(float(np.mean(speed))) < LATERAL.min_speed_m_s:
             ones, blank = np.ones(len(speed)), np.zeros((len(speed), len(NAMES)))
             return Load(ones, ones, blank, blank)
         return load(-speed if self.turned else speed, self.coupling(shared), self.shape)

@@ -111,6 +111,7 @@ def result(found: RigIdentification) -> IdentificationResult:
             *(f"{item.label} was left out: {item.reason}" for item in family.rejected),
         ),
         gate=gate,
+        alarms=found.alarms,
         point=_point(found) if fits else None,
         budget=_budget(found, known),
     )  # fmt: skip

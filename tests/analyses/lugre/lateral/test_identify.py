@@ -48,6 +48,11 @@ def test_intervals_hold_the_truth(lateral: LateralResult) -> None:
         assert entry.high - entry.low < 0.5 * value, name
 
 
+def test_tests_of_the_coupling_are_in_the_budget(lateral: LateralResult) -> None:
+    assert lateral.alarms["constants of the coupling"] == 0.02
+    assert lateral.false_alarm == pytest.approx(0.035)
+
+
 def test_friction_curve_holds_the_truth(lateral: LateralResult) -> None:
     true = DRY + VISCOUS * lateral.curve.x
     assert lateral.curve.x.size > 0
