@@ -212,7 +212,7 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd sim configs/wire_lugre.yaml",
         "rigd sim wire-1 --faults my_faults.yaml",
     ),
-    "sim/wire/test_bench.py": ("rigd sim wire-1 --profile wheel_servo=maxon-epos4",),
+    "sim/lugre/test_wire.py": ("rigd sim wire-1 --profile wheel_servo=maxon-epos4",),
     "system/test_real_rig.py": (
         "rigd run procedures/constant_current.yaml --rig wire-1",
         "rigd jog",
