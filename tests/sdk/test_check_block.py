@@ -294,7 +294,7 @@ def test_rows_that_wait_for_time_out_are_found() -> None:
             yield replace(peer, readings=readings)
 
     report = examine_driver(Collecting, peer=sending, only=["any order of calls"])
-    assert_found(report, "any order of calls", "rows have come, and read_block waits for 0.")
+    assert_found(report, "any order of calls", "rows that were sent do not come for 0.")
 
 
 def test_no_rule_is_without_driver_that_breaks_it() -> None:

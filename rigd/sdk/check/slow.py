@@ -507,12 +507,9 @@ class _Session:
         """Have another driver open the same device: if it may not, nothing has changed."""
         other = self._subject.make(self._peer, self._peer.link())
         self._all.append(other)
-        taken = False
-        with contextlib.suppress(*FAILURES):
-            await asyncio.wait_for(other.open(), OPEN_S)
-            taken = True  # in the place of this one, perhaps
+        ends: list[object] = await asyncio.gather(other.open(), return_exceptions=True)
         await self._must("close", other.close())
-        if taken:
+        if ends == [None]:  # in the place of this one, perhaps
             await self._ended(self._running())
             await self._begin_anew()
         await self._wait_for_rows()
