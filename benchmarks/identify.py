@@ -23,11 +23,11 @@ from identify_peer import ATOL, DIFF_STEP, RTOL, fast_residual, peer_fit, slow_r
 
 from rigd.analysis.fitting.fit import Fit, fit
 from rigd.analysis.recordings.source import open_sweep
-from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.model import LugreModel
-from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.reading import arrays
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
+from rigd_analyses.lugre.slip_force.identify import Settings, identify_lugre
+from rigd_analyses.lugre.trials.slip_and_traction import process
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 ROUNDS = 7
 STARTS = 8

@@ -45,8 +45,8 @@ from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.recordings.source import open_sweep
 from rigd.analysis.result import IdentificationResult
 from rigd.model.errors import RigdError
-from rigd_analyses.lugre.identify import identify_lugre
 from rigd_analyses.lugre.reading import OUTPUT_ERROR, arrays, rig_constants
+from rigd_analyses.lugre.slip_force.identify import identify_lugre
 
 TARGET = 88.0  #: %, of the nominal 95
 WINDOW: Final = (92.0, 98.0)  #: %, that the coverage of each quoted interval is to be in

@@ -35,8 +35,8 @@ from support.lugre_wrong import World, control, right
 from rigd.analysis import DataError
 from rigd.analysis.result import FitOutcome, IdentificationResult
 from rigd_analyses.lugre.conclusion import conclude_group
-from rigd_analyses.lugre.identify import identify_lugre
 from rigd_analyses.lugre.rig.family import fit_group
+from rigd_analyses.lugre.slip_force.identify import identify_lugre
 from rigd_analyses.lugre.slip_force_check import checked
 
 Row = dict[str, Any]

@@ -19,13 +19,13 @@ from scipy.optimize import least_squares
 from support.coverage import Found
 
 from rigd.analysis.fitting.model import scaled_bounds, slopes, to_natural, to_scaled
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, friction, friction_gradient
-from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.family import rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.system import RigSystem
-from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.known_constants import RigConstants
+from rigd_analyses.lugre.trials.trial import LugreTrial, sampling_period_s
 
 FloatArray = NDArray[np.float64]
 #: From a start (6,), natural, to the end (6,) and its covariance (6, 6), scaled.

@@ -33,16 +33,16 @@ from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.recordings.source import open_sweep
 from rigd_analyses.lugre.conclusion import identify_output_error
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import LugreModel
-from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.reading import arrays, rig_constants
-from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.family import rig_system
 from rigd_analyses.lugre.rig.outputs import DYNAMIC, WHEEL_DELAY, outputs
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.system import RigSystem
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial, sampling_period_s
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.known_constants import RigConstants
+from rigd_analyses.lugre.trials.slip_and_traction import process
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial, sampling_period_s
 
 FloatArray = NDArray[np.float64]
 STARTS = 8

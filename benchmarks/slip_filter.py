@@ -37,7 +37,7 @@ from support.slip import Score, friction_of, from_model, observer, score, with_f
 from rigd.analysis.recordings.observers import filtered
 from rigd.config.loader import load_rig, parse_rig
 from rigd.record import Recording
-from rigd_analyses.lugre.rig.constants import CONSTANTS
+from rigd_analyses.lugre.trials.known_constants import CONSTANTS
 
 
 def offline(recording: Path, rig: RandomRig, observers: str) -> Score:

@@ -10,14 +10,14 @@ import numpy as np
 from support.lugre_bench import FLOORS, known_rig
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.model import PARAMETERS
-from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.rig.family import rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
-from rigd_analyses.lugre.trial import sampling_period_s
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
+from rigd_analyses.lugre.trials.trial import sampling_period_s
 
 #: Right in every world.
 FIXED: Final = ("roller_transitions", "gravity", "guide_lift", "gear_ratio")

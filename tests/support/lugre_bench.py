@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.model.machine.kernel import kernel
-from rigd_analyses.lugre.rig.constants import Known, RigConstants
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
+from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from support.lugre_bench import Bench
 
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
-from rigd_analyses.lugre.rig.constants import Known
+from rigd_analyses.lugre.trials.known_constants import Known
 
 FloatArray = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from support.lugre_bench import FLOORS, Floor, known_rig
 from support.lugre_physics import FloatArray, Physics
 from support.lugre_sensors import Logger, Sensor
 
-from rigd_analyses.lugre.rig.constants import Known, RigConstants
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
+from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 PERIOD_S = 1e-3
 REST = 350  #: samples before the drive

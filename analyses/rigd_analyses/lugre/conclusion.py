@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from rigd.analysis.result import IdentificationResult
 from rigd_analyses.lugre.design.further import with_further_tests
-from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.family import RigFit, fit_group, with_intervals
 from rigd_analyses.lugre.rig.result import result
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.known_constants import RigConstants
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 
 def identify_output_error(

@@ -16,7 +16,6 @@ from rigd.analysis.parameters import Group, RefusedGroup, each_group
 from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report.rounding import probability
 from rigd.analysis.result import IdentificationResult, TrialRejection
-from rigd_analyses.lugre.by_law import LUGRE
 from rigd_analyses.lugre.conclusion import conclude_group
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.needs import DRIVE
@@ -31,6 +30,7 @@ from rigd_analyses.lugre.reading import (
 )
 from rigd_analyses.lugre.rig.family import RigFit
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
+from rigd_analyses.lugre.slip_force.by_law import LUGRE
 
 OF_THE_FLOOR = "rolling_resistance"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from rigd.analysis import Needs
-from rigd_analyses.lugre.rig.constants import UNITS
+from rigd_analyses.lugre.trials.known_constants import UNITS
 
 #: What the simulation of the rig takes beside the constants that slip and force need.
 DRIVE: Final = (

@@ -10,15 +10,15 @@ from rigd.analysis import ConfigError, DataError, Options
 from rigd.analysis.fitting.fit import Loss
 from rigd.analysis.recordings.source import RecordedSweep, TrialInfo, Unusable
 from rigd.analysis.result import FloatArray, IdentificationResult, TrialRejection
-from rigd_analyses.lugre.by_law import LUGRE, compare_by_law, identify_by_law
 from rigd_analyses.lugre.conclusion import identify_output_error
-from rigd_analyses.lugre.counts import Rounding, count
-from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.needs import DRIVE, NEEDS
-from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.rig.family import RigFit, fit_group
+from rigd_analyses.lugre.slip_force.by_law import LUGRE, compare_by_law, identify_by_law
+from rigd_analyses.lugre.slip_force.identify import Settings, identify_lugre
 from rigd_analyses.lugre.slip_force_check import checked
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
+from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
+from rigd_analyses.lugre.trials.resolution import Rounding, count
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 #: What a person calls a trial, by its parameters.
 Named = Callable[[RecordedSweep, TrialInfo], str]

@@ -12,8 +12,8 @@ from support.lugre_bench import FLOORS, PAPER_CURRENTS_A, Bench
 
 from rigd.analysis import ConfigError, Options
 from rigd.analysis.result import FitOutcome, IdentificationResult, ModelComparison
-from rigd_analyses.lugre.by_law import compare_by_law, identify_by_law
-from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.slip_force.by_law import compare_by_law, identify_by_law
+from rigd_analyses.lugre.slip_force.identify import Settings
 
 #: What each surface has that its law must find, with a tolerance; the stiffness of Maxwell-slip
 #: elements adds up. Of a law with a bristle the smoothing moves the damping.

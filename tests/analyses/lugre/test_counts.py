@@ -12,11 +12,11 @@ from support.lugre_bench import known_rig
 
 from rigd.analysis.recordings.resample import bridge, means_around
 from rigd.analysis.result import FitOutcome, FloatArray
-from rigd_analyses.lugre.counts import Rounding, count
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig.family import fit_group, rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.resolution import Rounding, count
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 Bench = Callable[..., Any]
 ANGLE = 2.0 * np.pi / (1024 * 20.25)  #: rad, of the bench

@@ -20,11 +20,11 @@ from rigd.analysis.output_error.innovations import Deviations, Whitener
 from rigd.analysis.output_error.score import holm
 from rigd.analysis.result import FitOutcome, IdentificationResult
 from rigd_analyses.lugre.conclusion import identify_output_error
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig.family import fit_group, rig_system
 from rigd_analyses.lugre.rig.outputs import late
 from rigd_analyses.lugre.rig.parts import sort_out
-from rigd_analyses.lugre.trial import sampling_period_s
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.trial import sampling_period_s
 
 FEW = tuple(((amps, 3.0),) for amps in (0.45, 0.75, 1.05, 1.35))
 SLOW = tuple(((amps, 3.0),) for amps in (0.3, 0.6, 0.9, 1.2))

@@ -14,7 +14,7 @@ from support.lugre_bench import FLOORS, Bench, known_rig
 from rigd.analysis.result import FurtherTest, IdentificationResult, Verdict
 from rigd_analyses.lugre.conclusion import identify_output_error
 from rigd_analyses.lugre.design.further import open_slips
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 FAST_A = (1.35, 1.43, 1.5)  #: they alone say little of V_s, sigma_1 and g at low slip
 

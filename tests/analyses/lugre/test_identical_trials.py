@@ -9,11 +9,11 @@ import pytest
 from support.lugre_wrong import CONSTANT, Program, right
 
 from rigd.analysis import DataError
-from rigd_analyses.lugre.identical_trials import refuse_alike
-from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.rig.family import fit_group
 from rigd_analyses.lugre.rig.parts import sort_out
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.identical_trials import refuse_alike
+from rigd_analyses.lugre.trials.slip_and_traction import process
 
 
 @pytest.mark.parametrize(

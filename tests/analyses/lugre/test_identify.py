@@ -18,8 +18,8 @@ from support.cases import some
 
 from rigd.analysis.fitting.fit import Loss
 from rigd.analysis.result import IdentificationResult, Verdict
-from rigd_analyses.lugre.identify import Settings, identify_lugre
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
+from rigd_analyses.lugre.slip_force.identify import Settings, identify_lugre
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 #: Section 7 item 3: sigma_0, sigma_2, and g at 5, 20 and 50 mm/s, as shares of the truth.
 BOUNDS = {

@@ -24,9 +24,9 @@ from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder
 from rigd_analyses.lugre.conclusion import conclude_group
 from rigd_analyses.lugre.joint_fit import check_joint, identify_together
-from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.family import RigFit, fit_group
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
+from rigd_analyses.lugre.trials.known_constants import Known
 
 Bench = Callable[..., Any]
 CURRENTS_A = (0.3, 0.7, 1.2)

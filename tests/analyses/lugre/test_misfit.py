@@ -13,9 +13,9 @@ import pytest
 from support.cases import some
 
 from rigd.model.errors import DataError
-from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.model import PARAMETERS
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
+from rigd_analyses.lugre.slip_force.identify import Settings, identify_lugre
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 Spoil = Callable[[LugreTrial], LugreTrial]
 FEW = slice(3, None, 3)  # of ten currents: enough to fit, and quick

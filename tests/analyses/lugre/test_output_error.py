@@ -31,11 +31,9 @@ from rigd.analysis.result import (
     Verdict,
 )
 from rigd_analyses.lugre.conclusion import conclude_group, identify_output_error
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import MU_C, RATIO, SIGMA_1, V_S, friction_gradient
 from rigd_analyses.lugre.quantities import DAMPING
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
 from rigd_analyses.lugre.rig.estimates import estimates
 from rigd_analyses.lugre.rig.family import RigFit, fit_group, rig_system, with_intervals
@@ -44,7 +42,9 @@ from rigd_analyses.lugre.rig.parts import free_part, rows_used, sort_out
 from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.ridge import effect_shown
 from rigd_analyses.lugre.rig.system import MASS
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.known_constants import Known
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 CURRENTS_A = (0.3, 0.6, 0.9, 1.2)
 Bench = Callable[..., Any]

@@ -11,9 +11,9 @@ import pytest
 from support.lugre_wrong import BACK, right
 
 from rigd.analysis import DataError
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig.parts import sort_out
-from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.trial import LugreTrial, sampling_period_s
 
 CURRENTS_A = (0.45, 0.75, 1.05, 1.35)
 

@@ -11,8 +11,13 @@ import pytest
 
 from rigd.analysis.result import TrialRejection
 from rigd.model.errors import DataError
-from rigd_analyses.lugre.preprocess import Guards, ProcessedTrial, process, process_trial
-from rigd_analyses.lugre.trial import LugreConstants
+from rigd_analyses.lugre.trials.slip_and_traction import (
+    Guards,
+    ProcessedTrial,
+    process,
+    process_trial,
+)
+from rigd_analyses.lugre.trials.trial import LugreConstants
 
 CURRENTS = (0.6, 1.05, 1.5)
 

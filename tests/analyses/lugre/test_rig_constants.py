@@ -8,8 +8,8 @@ import pytest
 from support.lugre_bench import known_rig
 
 from rigd.model.errors import DataError
-from rigd_analyses.lugre.rig.constants import Known
-from rigd_analyses.lugre.trial import LugreConstants
+from rigd_analyses.lugre.trials.known_constants import Known
+from rigd_analyses.lugre.trials.trial import LugreConstants
 
 CONSTANTS = LugreConstants(3.9593, 0.05, 0.304, 0.009)
 

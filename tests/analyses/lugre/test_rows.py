@@ -10,11 +10,11 @@ import pytest
 from support.lugre_sensors import Logger
 from support.lugre_wrong import BACK, CONSTANT, World, control, right
 
-from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.preprocess import Guards, process_trial
 from rigd_analyses.lugre.rig.parts import sort_out
-from rigd_analyses.lugre.rows import jump
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.rows import jump
+from rigd_analyses.lugre.trials.slip_and_traction import Guards, process_trial
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 JUMP = "both encoders jump by the way of"
 FEW = (*CONSTANT[3:5], *CONSTANT[6:8])

@@ -9,8 +9,8 @@ import pytest
 from support.lugre_wrong import World, right
 
 from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, ResidualTest, Verdict
-from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.rig.family import RigFit, fit_group
+from rigd_analyses.lugre.slip_force.identify import Settings, identify_lugre
 from rigd_analyses.lugre.slip_force_check import checked
 
 FEW = tuple(((amps, 2.0),) for amps in (0.45, 0.75, 1.05, 1.35))

@@ -16,8 +16,8 @@ from support.lugre_bench import Floor, known_rig
 from rigd.analysis.result import FloatArray, TrialRejection
 from rigd.analysis.validation.result import GroupValidation, ModelOutcome, pooled
 from rigd.analysis.validation.saved import SavedModel
-from rigd_analyses.lugre.rig.constants import Known, RigConstants
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
+from rigd_analyses.lugre.trials.trial import LugreTrial
 from rigd_analyses.lugre.validation.friction import Friction
 from rigd_analyses.lugre.validation.judge import judged
 from rigd_analyses.lugre.validation.motion import DrivenMotion, driven_motion

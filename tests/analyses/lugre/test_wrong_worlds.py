@@ -13,7 +13,7 @@ from support.lugre_kinds import KINDS
 from support.lugre_sensors import Sensor
 from support.lugre_wrong import GUIDE, World, control, right
 
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 SHORT = (((1.5, 0.9),), ((0.75, 0.25), (-0.9, 0.35)))
 SIGNALS = (

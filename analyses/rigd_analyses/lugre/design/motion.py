@@ -9,11 +9,11 @@ import numpy as np
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.design.shapes import Phase, Shape
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, DYNAMIC, LOCAL, outputs
 from rigd_analyses.lugre.rig.parts import LEAST_SPEED_M_S, LEAST_TRAVEL_M
 from rigd_analyses.lugre.rig.system import BY_MASS, MASS
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.known_constants import RigConstants
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 TAIL = 30  #: samples behind the drive, in which the belt holds the carriage
 FINE = 0.1  #: count of the accelerometer over its noise: without one, a search for it takes long

@@ -25,11 +25,11 @@ from rigd_analyses.lugre.design.subject import QUANTITIES, Subject, slip_of
 from rigd_analyses.lugre.model import PARAMETERS, RATIO, V_S, friction, friction_gradient
 from rigd_analyses.lugre.quantities import STRIBECK_SPEED, TOTAL_DAMPING
 from rigd_analyses.lugre.rig import sensors as rows
-from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.identification import FRICTION, HEIGHT, RigIdentification
 from rigd_analyses.lugre.rig.outputs import TRAVEL
 from rigd_analyses.lugre.rig.ridge import SHOWN
 from rigd_analyses.lugre.rig.system import GUIDE, MASS, NO_LOAD, OF_THE_ENCODER, RigSystem
+from rigd_analyses.lugre.trials.known_constants import Known
 
 ALL = {**QUANTITIES, HEIGHT.name: HEIGHT, TOTAL_DAMPING.name: TOTAL_DAMPING}
 RISING = (STRIBECK_SPEED.name, HEIGHT.name)  #: what there is with a Stribeck effect only

@@ -17,16 +17,16 @@ from rigd.analysis.result import FitOutcome, FloatArray, Gate, IdentificationRes
 from rigd_analyses.lugre.curve import SLIDING, slid_range
 from rigd_analyses.lugre.design.motion import Limits, Motion, Sensors, predict, reading
 from rigd_analyses.lugre.design.shapes import Shape
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import PARAMETERS, V_S, friction, friction_gradient
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, COULOMB, STATIC, STRIBECK_SPEED
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.family import RigFamily, family_of, rig_system, with_intervals
 from rigd_analyses.lugre.rig.identification import FRICTION
 from rigd_analyses.lugre.rig.parts import free_part
 from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.system import RigSystem
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.known_constants import RigConstants
 
 QUANTITIES = {item.name: item for item in (STRIBECK_SPEED, COULOMB, STATIC, *BY_COVARIANCE)}
 SEED = 1  #: of the noise of predicted recordings

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from rigd.analysis.fitting.agreement import agreement as agreement_of
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest
-from rigd_analyses.lugre.lateral.coupling_problem import Reduced
+from rigd_analyses.lugre.lateral.coupling_fit.problem import Reduced
 
 
 def agreement(problem: Reduced, coupling: FloatArray) -> ResidualTest | None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.rig.constants import Known
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.known_constants import Known
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from rigd.analysis.report import ReportSection
 from rigd.analysis.terminal import TerminalReport
 from rigd.analysis.validation.saved import read_models
 from rigd_analyses.lugre.lateral.reading import identify
+from rigd_analyses.lugre.lateral.report.tables import speed_error_tables
 from rigd_analyses.lugre.lateral.result import LateralResult
 from rigd_analyses.lugre.lateral.saved_friction import carried
-from rigd_analyses.lugre.lateral.tables import speed_error_tables
 
 
 @dataclass(frozen=True)

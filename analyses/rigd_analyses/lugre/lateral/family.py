@@ -26,10 +26,10 @@ from rigd.analysis.output_error.system import Diverged, System
 from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, TrialRejection
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.agreement import agreement, with_agreement
 from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
-from rigd_analyses.lugre.lateral.coupled_fit import (
+from rigd_analyses.lugre.lateral.coupling import LiftedRows
+from rigd_analyses.lugre.lateral.coupling_fit.fit import (
     MOST_ENDS,
     Coupled,
     couple,
@@ -38,11 +38,7 @@ from rigd_analyses.lugre.lateral.coupled_fit import (
     fitted,
     reduced,
 )
-from rigd_analyses.lugre.lateral.coupling import LiftedRows
-from rigd_analyses.lugre.lateral.coupling_problem import RESTS_ON, optima, strained
-from rigd_analyses.lugre.lateral.extensions import candidates
-from rigd_analyses.lugre.lateral.intervals import Intervals, intervals
-from rigd_analyses.lugre.lateral.loads import (
+from rigd_analyses.lugre.lateral.coupling_fit.loads import (
     FreeLoads,
     Loads,
     loads_at,
@@ -50,18 +46,22 @@ from rigd_analyses.lugre.lateral.loads import (
     plain,
     with_free_loads,
 )
+from rigd_analyses.lugre.lateral.coupling_fit.problem import RESTS_ON, optima, strained
+from rigd_analyses.lugre.lateral.extensions import candidates
+from rigd_analyses.lugre.lateral.intervals import Intervals, intervals
 from rigd_analyses.lugre.lateral.saved_friction import Carried
 from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, all_speeds, cell, lacking_force
 from rigd_analyses.lugre.lateral.starts import starts
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.model import PARAMETERS
-from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.family import described, rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.ridge import along_ridge
 from rigd_analyses.lugre.rig.system import GUIDE, LEAD
-from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.known_constants import RigConstants
+from rigd_analyses.lugre.trials.trial import LugreTrial, sampling_period_s
 
 OTHER_WINDOWS_S = (0.013, 0.041)  #: filters of the current: by how much the choice moves a value
 LEAST_CURRENTS = 2  #: the longitudinal friction is fitted along, and needs them

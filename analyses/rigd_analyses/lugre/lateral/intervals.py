@@ -13,10 +13,10 @@ from rigd.analysis.fitting.model import slopes
 from rigd.analysis.fitting.profile import axis, scan
 from rigd.analysis.fitting.uncertainty import scaled_pinv
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.lateral.coupled_fit import Coupled, fitted
 from rigd_analyses.lugre.lateral.coupling import DRY, VISCOUS
-from rigd_analyses.lugre.lateral.coupling_problem import Reduced, optima
-from rigd_analyses.lugre.lateral.loads import plain
+from rigd_analyses.lugre.lateral.coupling_fit.fit import Coupled, fitted
+from rigd_analyses.lugre.lateral.coupling_fit.loads import plain
+from rigd_analyses.lugre.lateral.coupling_fit.problem import Reduced, optima
 from rigd_analyses.lugre.lateral.thresholds import LATERAL
 
 POINTS = 25  #: of a profile

@@ -14,8 +14,8 @@ from rigd_analyses.lugre.lateral.needs import GEOMETRY, ROLLERS
 from rigd_analyses.lugre.lateral.result import LateralResult, result
 from rigd_analyses.lugre.lateral.saved_friction import Carried
 from rigd_analyses.lugre.reading import arrays, by_current, rig_constants, sort_out, uncertainties
-from rigd_analyses.lugre.rig.constants import Known
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.known_constants import Known
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 #: Uncertainty of a constant that states none: a caliper at a length of centimetres, a ruler at
 #: the height; the lever is the small difference of two arms, and the share is of its value.

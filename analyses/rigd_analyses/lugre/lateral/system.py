@@ -21,9 +21,9 @@ from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralConstants
 from rigd_analyses.lugre.lateral.coupling import NAMES, LiftedRows, Load, Shape, load
 from rigd_analyses.lugre.lateral.thresholds import LATERAL
-from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, TRAVEL
 from rigd_analyses.lugre.rig.system import GUIDE, LEAD, NO_LOAD, RigSystem
+from rigd_analyses.lugre.trials.known_constants import Known
 
 REACH = 8.0  #: a length may move by this many of its uncertainties
 FAR = 4.0  #: and one that must be positive by this factor

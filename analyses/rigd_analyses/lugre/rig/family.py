@@ -34,8 +34,6 @@ from rigd.analysis.result import (
     TrialRejection,
 )
 from rigd_analyses.lugre.curve import HARDLY, SLIDING, slid_range
-from rigd_analyses.lugre.identical_trials import refuse_alike
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.model import (
     MU_C,
     PARAMETERS,
@@ -44,9 +42,7 @@ from rigd_analyses.lugre.model import (
     LugreModel,
     friction,
 )
-from rigd_analyses.lugre.preprocess import process
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.extensions import BY_TRIAL, candidates
 from rigd_analyses.lugre.rig.identification import (
     FRICTION,
@@ -70,7 +66,11 @@ from rigd_analyses.lugre.rig.system import (
     RigSystem,
     driven_trial,
 )
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial, sampling_period_s
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.identical_trials import refuse_alike
+from rigd_analyses.lugre.trials.known_constants import RigConstants
+from rigd_analyses.lugre.trials.slip_and_traction import process
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial, sampling_period_s
 
 #: Longest correlation of the scores that is accounted for; those of innovations remember little,
 #: and longer blocks would be too few.

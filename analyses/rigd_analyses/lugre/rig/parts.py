@@ -8,12 +8,12 @@ import numpy as np
 
 from rigd.analysis import DataError
 from rigd.analysis.result import RowsUsed, TrialRejection
-from rigd_analyses.lugre.drive import find_drive
-from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.preprocess import window_samples
 from rigd_analyses.lugre.rig.system import LEAD
-from rigd_analyses.lugre.rows import jump
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.drive import find_drive
+from rigd_analyses.lugre.trials.rows import jump
+from rigd_analyses.lugre.trials.slip_and_traction import window_samples
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 LEAST_TRIALS = 3
 MARGIN = 5  #: samples before the end of a drive that the current alone shows

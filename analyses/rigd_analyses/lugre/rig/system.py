@@ -15,10 +15,8 @@ from rigd.analysis.fitting.model import FitParameter, Scaling
 from rigd.analysis.output_error.innovations import Deviations
 from rigd.analysis.output_error.system import Output, Unknown
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.counts import Rounding
 from rigd_analyses.lugre.model import PARAMETERS
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.constants import Known, RigConstants
 from rigd_analyses.lugre.rig.current import simulated_current
 from rigd_analyses.lugre.rig.deviations import SensorNoise, deviations
 from rigd_analyses.lugre.rig.outputs import (
@@ -34,7 +32,9 @@ from rigd_analyses.lugre.rig.outputs import (
     output_slopes,
     outputs,
 )
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
+from rigd_analyses.lugre.trials.resolution import Rounding
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 REACH = 40.0  #: a constant may move by this many of its uncertainties
 FAR = 4.0  #: and one that must be positive by this factor

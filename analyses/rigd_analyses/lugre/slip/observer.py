@@ -17,7 +17,7 @@ from rigd.computed.observers.model import (
     Wanted,
 )
 from rigd.sdk import Channel, Documented, In, wrong_entry
-from rigd_analyses.lugre.rig.constants import UNITS
+from rigd_analyses.lugre.trials.known_constants import UNITS
 
 
 class FrictionOptions(Documented):

@@ -16,7 +16,7 @@ from rigd.computed.observers import model as observers
 from rigd.computed.observers.model import Filter, ObserverPlan
 from rigd.sdk import WrongEntries
 from rigd_analyses.lugre.model import friction, friction_gradient
-from rigd_analyses.lugre.rig.constants import Known, RigConstants
+from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
 from rigd_analyses.lugre.validation.friction import friction_of
 
 if TYPE_CHECKING:

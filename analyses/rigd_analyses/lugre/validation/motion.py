@@ -17,15 +17,15 @@ from scipy.signal import savgol_filter
 
 from rigd.analysis.recordings.noise import noise_of_differences
 from rigd.analysis.result import FloatArray, TrialRejection
-from rigd_analyses.lugre.identify import Settings
-from rigd_analyses.lugre.preprocess import Guards, window_samples
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.current import SimulatedCurrent, simulated_current
 from rigd_analyses.lugre.rig.identification import WINDOW_S
 from rigd_analyses.lugre.rig.parts import free_part
 from rigd_analyses.lugre.rig.system import DRAG_N_S_M, LEAD, REST, SLOPE_M_S2
-from rigd_analyses.lugre.trial import LugreTrial, sampling_period_s
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.known_constants import RigConstants
+from rigd_analyses.lugre.trials.slip_and_traction import Guards, window_samples
+from rigd_analyses.lugre.trials.trial import LugreTrial, sampling_period_s
 
 SPEED, SLIP, FORCE = "speed", "slip", "force"
 UNITS: Final = {SPEED: "m/s", SLIP: "m/s", FORCE: "N"}

@@ -7,7 +7,7 @@ from support.lugre_bench import known_rig
 from support.lugre_lateral_bench import LateralBench
 
 from rigd_analyses.lugre.lateral.constants import LateralTrial
-from rigd_analyses.lugre.rig.constants import RigConstants
+from rigd_analyses.lugre.trials.known_constants import RigConstants
 
 SPEEDS_M_S, CURRENTS_A = (0.2, 0.65), (0.6, 1.2)
 

@@ -17,7 +17,7 @@ from rigd.analysis.recordings.source import open_sweep
 from rigd.analysis.terminal import TerminalTable
 from rigd_analyses.lugre.lateral.analysis import LateralAnalysis
 from rigd_analyses.lugre.lateral.constants import LateralTrial
-from rigd_analyses.lugre.rig.constants import RigConstants
+from rigd_analyses.lugre.trials.known_constants import RigConstants
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,10 @@ from support.lugre_lateral_bench import DRY, VISCOUS
 
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray
-from rigd_analyses.lugre.lateral.coupled_fit import reduced
-from rigd_analyses.lugre.lateral.coupling_problem import UNEVEN, Reduced, optima, strained
+from rigd_analyses.lugre.lateral.coupling_fit.fit import reduced
+from rigd_analyses.lugre.lateral.coupling_fit.loads import FreeLoads, Loads
+from rigd_analyses.lugre.lateral.coupling_fit.problem import UNEVEN, Reduced, optima, strained
 from rigd_analyses.lugre.lateral.family import find_lateral
-from rigd_analyses.lugre.lateral.loads import FreeLoads, Loads
 from rigd_analyses.lugre.lateral.result import result
 from rigd_analyses.lugre.lateral.starts import starts
 

@@ -19,7 +19,7 @@ from rigd_analyses.lugre.lateral.coupling import LiftedRows
 from rigd_analyses.lugre.lateral.extensions import candidates
 from rigd_analyses.lugre.lateral.family import LateralIdentification, find_lateral
 from rigd_analyses.lugre.lateral.result import LateralResult, in_words, result
-from rigd_analyses.lugre.rig.constants import Known, RigConstants
+from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
 
 Trials = list[LateralTrial]
 SPEEDS_M_S, CURRENTS_A = (0.2, 0.65), (0.6, 1.2)

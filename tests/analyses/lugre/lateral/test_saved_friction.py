@@ -22,7 +22,7 @@ from rigd_analyses.lugre.lateral.family import find_lateral
 from rigd_analyses.lugre.lateral.result import result
 from rigd_analyses.lugre.lateral.saved_friction import Carried, carried
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, SIGMA_0, V_S
-from rigd_analyses.lugre.rig.constants import RigConstants
+from rigd_analyses.lugre.trials.known_constants import RigConstants
 
 RIGS = ("lugre-1",)
 HERE = {"floor": "pvc"}

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
-from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.lateral.published_cells import TABLES
 from rigd_analyses.lugre.lateral.speeds import cell, speeds, together
 from rigd_analyses.lugre.lateral.system import LateralSystem
-from rigd_analyses.lugre.rig.constants import RigConstants
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.system import LEAD, RigSystem, driven_trial
+from rigd_analyses.lugre.slip_force.identify import Settings
+from rigd_analyses.lugre.trials.known_constants import RigConstants
 
 PERIOD_S = 1e-3
 WINDOW = 41

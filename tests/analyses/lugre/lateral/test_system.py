@@ -14,13 +14,13 @@ from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralTrial
+from rigd_analyses.lugre.lateral.coupling_fit.loads import FreeLoads
 from rigd_analyses.lugre.lateral.family import ITERATIONS
-from rigd_analyses.lugre.lateral.loads import FreeLoads
 from rigd_analyses.lugre.lateral.speeds import cell, lacking_force, speeds
 from rigd_analyses.lugre.lateral.starts import starts
 from rigd_analyses.lugre.lateral.system import LateralSystem
-from rigd_analyses.lugre.rig.constants import RigConstants
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.known_constants import RigConstants
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 CHECKED = (
     "guide_friction", "no_load", "current_zero", "mu_R_dry", "mu_R_vis", "guide_lever",

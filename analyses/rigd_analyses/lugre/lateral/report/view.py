@@ -15,8 +15,8 @@ from rigd.analysis.report.svg import Drawing, draw
 from rigd.analysis.report.view import ReportView, build_view
 from rigd.analysis.terminal import TerminalTable
 from rigd_analyses.lugre.lateral.report import plots
+from rigd_analyses.lugre.lateral.report.tables import speed_error_tables
 from rigd_analyses.lugre.lateral.result import LateralResult
-from rigd_analyses.lugre.lateral.tables import speed_error_tables
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
 SIGNS: Final = {"positive": 1.0, "negative": -1.0}

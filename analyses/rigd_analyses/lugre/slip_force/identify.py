@@ -27,13 +27,18 @@ from rigd.analysis.result import (
     StartOutcome,
     TrialFit,
 )
-from rigd_analyses.lugre.agreement import agreement
 from rigd_analyses.lugre.curve import friction_curve, seen, visited_range
 from rigd_analyses.lugre.model import LugreModel
-from rigd_analyses.lugre.preprocess import Guards, ProcessedSweep, ProcessedTrial, process
-from rigd_analyses.lugre.profiles import polish, profiles, scan_all
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
-from rigd_analyses.lugre.verdicts import derived, estimates
+from rigd_analyses.lugre.slip_force.agreement import agreement
+from rigd_analyses.lugre.slip_force.profiles import polish, profiles, scan_all
+from rigd_analyses.lugre.slip_force.verdicts import derived, estimates
+from rigd_analyses.lugre.trials.slip_and_traction import (
+    Guards,
+    ProcessedSweep,
+    ProcessedTrial,
+    process,
+)
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 METHOD = "A: slip in, traction out"
 LAGS = 150

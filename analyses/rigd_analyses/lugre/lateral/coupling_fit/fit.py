@@ -22,8 +22,8 @@ from rigd.analysis.output_error.estimator import NEAR, OutputErrorFit, conclude,
 from rigd.analysis.output_error.system import Diverged, System, Unknown
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.lateral.coupling_problem import Reduced, optima
-from rigd_analyses.lugre.lateral.loads import Loads, loads_at, plain
+from rigd_analyses.lugre.lateral.coupling_fit.loads import Loads, loads_at, plain
+from rigd_analyses.lugre.lateral.coupling_fit.problem import Reduced, optima
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.rig.system import GUIDE

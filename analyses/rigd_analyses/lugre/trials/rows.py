@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from rigd.analysis.result import BoolArray, FloatArray
-from rigd_analyses.lugre.counts import Rounding
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.resolution import Rounding
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 AROUND = 10  #: rows on either side of a step that show how long it should be
 CLEAR = 8.0  #: standard deviations beyond which a step is a jump

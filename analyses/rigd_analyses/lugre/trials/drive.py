@@ -8,7 +8,7 @@ import numpy as np
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 MIN_REST_S = 0.1  #: shortest rest from which the accelerometer's zero is taken
 #: The drive is on while the current exceeds this share of the command. At the voltage limit the

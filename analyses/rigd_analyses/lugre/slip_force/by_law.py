@@ -14,11 +14,11 @@ from rigd.analysis.friction.identify import SlipData, compare_laws, identify_law
 from rigd.analysis.friction.installed import find_law, installed_laws
 from rigd.analysis.result import IdentificationResult, ModelComparison
 from rigd_analyses.lugre.curve import RESOLVED
-from rigd_analyses.lugre.identify import METHOD, Settings, trial_fits
 from rigd_analyses.lugre.laws.lugre import Lugre, Lugre4
-from rigd_analyses.lugre.preprocess import ProcessedSweep, process
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
-from rigd_analyses.lugre.verdicts import BIASES
+from rigd_analyses.lugre.slip_force.identify import METHOD, Settings, trial_fits
+from rigd_analyses.lugre.slip_force.verdicts import BIASES
+from rigd_analyses.lugre.trials.slip_and_traction import ProcessedSweep, process
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 #: The law whose parameters are identified without `--law`, by functions made for it.
 LUGRE = "lugre"

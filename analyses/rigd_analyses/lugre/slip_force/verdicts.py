@@ -25,15 +25,15 @@ from rigd.analysis.fitting.interval_width import Spread
 from rigd.analysis.fitting.profile import ProfileScan
 from rigd.analysis.fitting.uncertainty import Covariance
 from rigd.analysis.result import FloatArray, ParameterEstimate, Verdict
-from rigd_analyses.lugre.advice import OUT_OF_REACH, SMOOTHED, candidates
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, V_S, LugreModel
-from rigd_analyses.lugre.profiles import Scans, speed_on_bound
 from rigd_analyses.lugre.quantities import (
     BY_COVARIANCE,
     PROFILED,
     TOTAL_DAMPING,
     Quantity,
 )
+from rigd_analyses.lugre.slip_force.advice import OUT_OF_REACH, SMOOTHED, candidates
+from rigd_analyses.lugre.slip_force.profiles import Scans, speed_on_bound
 
 Z_95 = 1.959964
 KNOWN = (Verdict.IDENTIFIABLE, Verdict.WEAK)

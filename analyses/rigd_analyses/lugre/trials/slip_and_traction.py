@@ -16,10 +16,10 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from rigd.analysis import DataError
 from rigd.analysis.friction import SlipForce
 from rigd.analysis.result import FloatArray, Preprocessing, TrialRejection
-from rigd_analyses.lugre.drive import MIN_REST_S, Drive, find_drive
-from rigd_analyses.lugre.identical_trials import refuse_alike
-from rigd_analyses.lugre.rows import jump
-from rigd_analyses.lugre.trial import LugreConstants, LugreTrial, sampling_period_s
+from rigd_analyses.lugre.trials.drive import MIN_REST_S, Drive, find_drive
+from rigd_analyses.lugre.trials.identical_trials import refuse_alike
+from rigd_analyses.lugre.trials.rows import jump
+from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial, sampling_period_s
 
 FORWARD, REVERSE = 1.0, -1.0
 

@@ -33,7 +33,7 @@ from rigd.analysis.output_error.system import Unknown
 from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import Explanation, FloatArray
 from rigd_analyses.lugre.lateral.coupling import DRY, HEIGHT, LEVER, NAMES, VISCOUS, load
-from rigd_analyses.lugre.lateral.loads import Loads
+from rigd_analyses.lugre.lateral.coupling_fit.loads import Loads
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.lateral.thresholds import LATERAL
 

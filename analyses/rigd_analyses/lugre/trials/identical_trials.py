@@ -8,7 +8,7 @@ import numpy as np
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.trial import LugreTrial
+from rigd_analyses.lugre.trials.trial import LugreTrial
 
 ALIKE = 0.05  #: relative difference of currents, or loads, up to which trials are one test
 MEAN_OF = 20  #: samples

@@ -8,8 +8,8 @@ import numpy as np
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.counts import Rounding, count
-from rigd_analyses.lugre.rig.constants import refuse_lift
+from rigd_analyses.lugre.trials.known_constants import refuse_lift
+from rigd_analyses.lugre.trials.resolution import Rounding, count
 
 #: Uniform sampling may jitter by this share of the period before the filters stop being right.
 MAX_JITTER = 0.5

@@ -1,0 +1,1 @@
+"""Identifies friction from slip and traction of each trial (method A of the paper)."""
