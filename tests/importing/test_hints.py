@@ -931,7 +931,7 @@ def hints_of(path: Path) -> Iterator[tuple[int, str]]:
 def test_every_hint_has_a_case() -> None:
     found = [
         (f"{path.name}:{line}", text)
-        for path in sorted(Path(rigd.importing.__file__).parent.glob("*.py"))
+        for path in sorted(Path(rigd.importing.__file__).parent.rglob("*.py"))
         for line, text in hints_of(path)
     ]
     known = {case.hint for case in CASES.values()} | ELSEWHERE

@@ -20,6 +20,7 @@ from typing import Any, Final, NamedTuple
 
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.sequences import StepFailed
+from rigd.sdk.plant import Plant
 
 
 class OpenedItem(NamedTuple):
@@ -78,10 +79,15 @@ def nothing_left(when: str = "after close()") -> Iterator[None]:
 def kept_for_good(
     driver: object, peer: Peer, turns: int, turn: Callable[[], object]
 ) -> Iterator[str]:
-    """Yield that code of a driver keeps memory for good while ``turn`` is made again and again."""
-    used = map(inspect.getmodule, vars(sys.modules[type(driver).__module__]).values())
+    """Yield that code of a driver keeps memory for good while ``turn`` is made again and again.
+
+    The code is its file, and files beside it that it uses; not that of a plant, as tracemalloc
+    counts as kept what compiled functions give back.
+    """
+    used = list(vars(sys.modules[type(driver).__module__]).values())
     own = Path(inspect.getfile(type(driver)))
-    names = {getattr(module, "__file__", None) or "" for module in used}
+    names = {getattr(inspect.getmodule(item), "__file__", None) or "" for item in used}
+    names -= {inspect.getfile(c) for c in used if isinstance(c, type) and issubclass(c, Plant)}
     beside = (name for name in names if Path(name).parent == own.parent)
     files = [tracemalloc.Filter(True, name) for name in {str(own), *beside}]
     sizes: list[int] = []
