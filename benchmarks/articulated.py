@@ -40,7 +40,7 @@ from rigd.engine.play.control import Control
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk import Driver
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 from rigd_sim.articulated import kernel, records
 from rigd_sim.articulated.drive import ArticulatedDrive, DriveConfig
 from rigd_sim.articulated.parameters import ArticulatedParameters

@@ -17,7 +17,7 @@ from figures import at_most, noted
 from rigd.config.loader import load_rig
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 FILES = 100
 ROUNDS = 5

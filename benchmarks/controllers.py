@@ -27,7 +27,7 @@ from rigd.model.limits import SetpointLimit
 from rigd.model.tables import Tables
 from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import CycleProgram, Recorded, Segment
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 DERIVED = """\
 derived:

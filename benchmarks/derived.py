@@ -37,7 +37,7 @@ from rigd.engine.process.in_process import InProcessHost
 from rigd.engine.sink import Rows
 from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import CycleProgram, Recorded, Segment
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 ROUNDS = 40
 SECONDS = 1.0

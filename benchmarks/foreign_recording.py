@@ -46,7 +46,7 @@ from support.shipped_runs import Pair, play
 from rigd.config.loader import load_rig
 from rigd.model.errors import RigdError
 from rigd.record import Recording
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 ROUNDS = 3
 RIGD = Path(sys.executable).with_name("rigd")

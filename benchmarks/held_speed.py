@@ -49,7 +49,7 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.record import Recording
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 RADIUS_M = 0.05
 LIMITS = "limits: {low: -0.5 m/s, high: 0.5 m/s, rate: 1 m/s^2}, stale_after: 150 ms"

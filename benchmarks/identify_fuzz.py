@@ -30,7 +30,7 @@ from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 
 def recorded(folder: Path) -> dict[str, Content]:

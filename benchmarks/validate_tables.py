@@ -32,7 +32,7 @@ from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 TORQUE_CONSTANT = 29.5  #: of the simulated rig, in mN m/A
 SHARES = (-0.03, -0.01, 0.01, 0.03)

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from rigd.analysis.api import Result, identify
-    from rigd.analysis.compare.front import ComparisonResult, compare
+    from rigd.analysis.compare.api import ComparisonResult, compare
     from rigd.analysis.estimates import Estimate
-    from rigd.daemon.requested import run
+    from rigd.daemon.run_request import run
     from rigd.record import Recording, Table, Trial, Trials
     from rigd.record.read.reader import open_recording as open
 
@@ -42,17 +42,17 @@ __all__ = [
 
 #: The module of each name, and its name there.
 _PLACES: Final = {
-    "ComparisonResult": ("rigd.analysis.compare.front", "ComparisonResult"),
+    "ComparisonResult": ("rigd.analysis.compare.api", "ComparisonResult"),
     "Estimate": ("rigd.analysis.estimates", "Estimate"),
     "Recording": ("rigd.record", "Recording"),
     "Result": ("rigd.analysis.api", "Result"),
     "Table": ("rigd.record", "Table"),
     "Trial": ("rigd.record", "Trial"),
     "Trials": ("rigd.record", "Trials"),
-    "compare": ("rigd.analysis.compare.front", "compare"),
+    "compare": ("rigd.analysis.compare.api", "compare"),
     "identify": ("rigd.analysis.api", "identify"),
     "open": ("rigd.record.read.reader", "open_recording"),
-    "run": ("rigd.daemon.requested", "run"),
+    "run": ("rigd.daemon.run_request", "run"),
 }
 
 

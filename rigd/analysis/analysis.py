@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rigd.analysis.result import Curve
     from rigd.analysis.terminal import TerminalReport
     from rigd.analysis.validation.result import Validation
-    from rigd.analysis.validation.saved import SavedModel
+    from rigd.analysis.validation.saved_models import SavedModel
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class Validates(Protocol):
         """Return how ``sweeps`` agree with ``models``, those of one file, for `rigd validate`.
 
         ``group`` names the model to take for any recordings; empty: the one whose
-        conditions are those of the trials (:func:`rigd.analysis.validation.saved.chosen`).
+        conditions are those of the trials (:func:`rigd.analysis.validation.saved_models.chosen`).
         ``notify`` gets a line before each step that takes long.
 
         Raises:

@@ -17,7 +17,7 @@ from rigd.analysis.analysis import Evaluation, Options
 from rigd.analysis.estimates import Estimate
 from rigd.analysis.evaluation import evaluate_sweeps, open_sweeps
 from rigd.analysis.measures import formulas_behind
-from rigd.analysis.plain import plain_object
+from rigd.analysis.plain_data import plain_object
 from rigd.analysis.plan import analysis_of
 from rigd.analysis.recordings.corrections import Corrections
 from rigd.analysis.recordings.source import Correction, RecordedSweep

@@ -14,8 +14,8 @@ from rigd.analysis.analysis import Evaluation, Options
 from rigd.analysis.estimates import Estimate
 from rigd.analysis.joint_account import JointAccount
 from rigd.analysis.measures.ranges import changed_formula
-from rigd.analysis.measures.recorded import formulas_behind
-from rigd.analysis.plain import plain_object
+from rigd.analysis.measures.recordings import formulas_behind
+from rigd.analysis.plain_data import plain_object
 from rigd.analysis.provenance import file_sha256, provenance
 from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report import (

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.estimates import Estimate, Share
-from rigd.analysis.plain import plain_object
+from rigd.analysis.plain_data import plain_object
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -16,7 +16,7 @@ from rigd.config.problems import Problems, suggest
 from rigd.config.source import NAME_RULES
 from rigd.model.units import format_quantity
 from rigd.sdk import In, PlantConfig, WrongEntries
-from rigd.sdk.options.documented import description
+from rigd.sdk.options.documented_model import description
 
 M = TypeVar("M", bound=BaseModel)
 

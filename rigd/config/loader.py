@@ -42,7 +42,7 @@ from rigd.config.rig import (
     Supervision,
     Waiver,
 )
-from rigd.config.shipped import find_beside, find_file, location
+from rigd.config.shipped_files import find_beside, find_file, location
 from rigd.config.source import ConstantSource, DeviceSource, InterlockSource, LimitSource, RigSource
 from rigd.model.channels import Channel
 from rigd.model.constants import Constant

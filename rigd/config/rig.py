@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # the processes of a run read no file
 class SourceFile:
     """A file as its author wrote it; recordings attach it unchanged.
 
-    ``location`` is the place where it was found, from :func:`rigd.config.shipped.location`.
+    ``location`` is the place where it was found, from :func:`rigd.config.shipped_files.location`.
     """
 
     path: Path

@@ -21,7 +21,7 @@ from rigd.daemon.calibration import instrument_of
 from rigd.model.errors import ConfigError, DataError
 from rigd.record import Recording, RunInfo
 from rigd.record.read.info import COMPLETE
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 #: A change of more standard uncertainties than this is not chance.
 _FAR: Final = 3.0

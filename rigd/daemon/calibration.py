@@ -9,7 +9,7 @@ from rigd.analysis.plan import analysis_of
 from rigd.config.calibration.calibratable import calibratable
 from rigd.config.calibration.calibration import Calibration
 from rigd.config.rig import RigConfig
-from rigd.config.shipped import find_file
+from rigd.config.shipped_files import find_file
 from rigd.model.errors import ConfigError
 from rigd.procedure.program import CompiledProcedure
 

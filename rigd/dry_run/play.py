@@ -24,7 +24,7 @@ from rigd.config.sibling.sibling import read_sibling
 from rigd.dry_run.at_limit import AtLimit
 from rigd.dry_run.elsewhere import for_sibling
 from rigd.dry_run.holding import HoldingHost, can_be_held, spans_of, with_holds
-from rigd.dry_run.measured import unmeasured
+from rigd.dry_run.missing_measures import unmeasured
 from rigd.dry_run.peaks import PeakSink
 from rigd.dry_run.steps import StepRow, longest_of, step_rows, written_rows
 from rigd.dry_run.swings import PASSAGES, Swings

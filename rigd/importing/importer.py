@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from rigd import __version__
 from rigd.config.lab.lab import SPECIMEN_FILE, Specimen, stated_specimen
-from rigd.importing.found import FoundTrial, found_trials
 from rigd.importing.map.files import SourceFiles, sort_files
 from rigd.importing.map.map import ImportMap
 from rigd.importing.reading import SourceReader, find_trials_in, open_source, prefetched
 from rigd.importing.tables.library_warnings import listening
 from rigd.importing.tables.table import HasMoments
+from rigd.importing.trial_facts import FoundTrial, found_trials
 from rigd.model.about import About
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.model.machine.folders import make_folder

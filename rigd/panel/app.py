@@ -17,9 +17,9 @@ from rigd.panel.feed import PageSocket
 from rigd.panel.files import Files
 from rigd.panel.guard import PanelAddress, RequestGuard
 from rigd.panel.hub import Hub
+from rigd.panel.login.sessions import Sessions
 from rigd.panel.rig import Rig
 from rigd.panel.routes import PanelApi
-from rigd.panel.sessions import Sessions
 from rigd.panel.stop_line import StopLine
 from rigd.remote.rates import BucketByClient
 

@@ -14,9 +14,9 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from rigd.panel.hub import Hub
+from rigd.panel.login.sessions import Session
 from rigd.panel.outbox import Outbox
 from rigd.panel.routes import PanelApi
-from rigd.panel.sessions import Session
 from rigd.remote.protocol.limits import MAX_FRAME_POINTS
 from rigd.remote.rates import Bucket
 

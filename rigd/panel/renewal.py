@@ -11,8 +11,8 @@ import logging
 
 from rigd.model.errors import RigdError
 from rigd.panel.hub import Hub
+from rigd.panel.login.sessions import Sessions
 from rigd.panel.rig import Rig
-from rigd.panel.sessions import Sessions
 from rigd.remote.client.lease.renewing import renew_until_lost
 from rigd.remote.protocol import Kind, LeaseView
 

@@ -13,6 +13,7 @@ from starlette.routing import Route
 
 from rigd.model.errors import RigdError
 from rigd.panel.answers import read_body, refuse, respond
+from rigd.panel.login.sessions import Session, Sessions
 from rigd.panel.messages import (
     ASKS,
     COMMANDS,
@@ -26,7 +27,6 @@ from rigd.panel.messages import (
     complete,
 )
 from rigd.panel.rig import Rig
-from rigd.panel.sessions import Session, Sessions
 from rigd.remote.protocol import VERBS, Code, Kind, Message, Refusal, as_json
 from rigd.remote.protocol.results import Nothing, Stopped
 from rigd.remote.rates import BucketByClient

@@ -18,10 +18,10 @@ from rigd.model.errors import ConfigError
 from rigd.panel.app import build_panel
 from rigd.panel.connections import BrowserConnection
 from rigd.panel.guard import PanelAddress
+from rigd.panel.login.session_store import SessionStore
+from rigd.panel.login.sessions import Sessions
 from rigd.panel.renewal import renew_lease
 from rigd.panel.rig import Rig
-from rigd.panel.session_store import SessionStore
-from rigd.panel.sessions import Sessions
 
 #: The port of the panel unless another program listens on it.
 PORT: Final = 8423

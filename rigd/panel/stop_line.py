@@ -17,9 +17,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from rigd.model.errors import RigdError
 from rigd.panel.answers import error_of
 from rigd.panel.feed import MOST_PAGES, MOST_PER_SESSION, NO_SESSION, TOO_MANY, say_goodbye
+from rigd.panel.login.sessions import Session
 from rigd.panel.messages import StopRequest
 from rigd.panel.routes import PanelApi
-from rigd.panel.sessions import Session
 from rigd.remote.protocol import as_json
 
 #: Most characters in a message of a page.

@@ -37,7 +37,7 @@ from rigd.procedure.program import (
 from rigd.procedure.reader import Reader, describe_unit
 from rigd.procedure.source import FaultSource, MoveSource, ProcedureSource, PromptSource
 from rigd.procedure.steps.other_rig import other_rig
-from rigd.procedure.steps.recorded import read_record
+from rigd.procedure.steps.recorded_streams import read_record
 from rigd.procedure.steps.steps import StepCompiler
 from rigd.procedure.sweep import MAX_SIZE, play_order, read_points
 

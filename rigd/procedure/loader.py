@@ -9,7 +9,7 @@ from rigd.config.binding import bind
 from rigd.config.document import Document, parse_document, read_document
 from rigd.config.problems import Problems
 from rigd.config.rig import SourceFile
-from rigd.config.shipped import find_file, location
+from rigd.config.shipped_files import find_file, location
 from rigd.model.errors import ConfigError
 from rigd.procedure.source import ProcedureSource
 

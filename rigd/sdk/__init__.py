@@ -15,14 +15,14 @@ from rigd.sdk.driver import (
 )
 from rigd.sdk.idle_reader import IdleReader
 from rigd.sdk.link import DeviceSheet, Link, LinkConfig
-from rigd.sdk.on_plant import PlantSensor, accepted
-from rigd.sdk.options.documented import Documented, WrongEntries, about_entry, wrong_entry
+from rigd.sdk.options.documented_model import Documented, WrongEntries, about_entry, wrong_entry
 from rigd.sdk.options.quantities import In
 from rigd.sdk.parameters import ParameterGroup, ParametersConfig
 from rigd.sdk.plant import Energy, GridPlant, Plant, PlantConfig
+from rigd.sdk.plant_sensor import PlantSensor, accepted
 from rigd.sdk.row import Row
 from rigd.sdk.setting import Setting
-from rigd.sdk.shipped import shipped_configs
+from rigd.sdk.shipped_files import shipped_configs
 from rigd.sdk.simulation import Simulation, SimulationConfig
 
 __all__ = [

@@ -17,7 +17,7 @@ from typing_extensions import TypeVar
 
 from rigd.sdk.declaration import Declaration
 from rigd.sdk.link import LinkConfig
-from rigd.sdk.options.documented import Documented
+from rigd.sdk.options.documented_model import Documented
 
 if TYPE_CHECKING:  # a rig file is checked without numpy
     import numpy as np

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TypeVar
 from pydantic import BaseModel, ValidationError, ValidationInfo, field_validator, model_validator
 
 from rigd.model.errors import ConfigError
-from rigd.sdk.options.documented import Documented, WrongEntries
+from rigd.sdk.options.documented_model import Documented, WrongEntries
 from rigd.sdk.plant import PlantConfig
 
 M = TypeVar("M", bound=BaseModel)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from rigd.sdk.options.documented import Documented
+from rigd.sdk.options.documented_model import Documented
 from rigd.sdk.setting import Setting
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from rigd.sdk.options.documented import Documented
+from rigd.sdk.options.documented_model import Documented
 from rigd.sdk.setting import Setting
 
 

@@ -13,7 +13,7 @@ from support.shipped_runs import Pair, play
 
 from rigd.analysis.analysis import Options
 from rigd.config.loader import load_rig
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 
 @pytest.fixture(scope="module")

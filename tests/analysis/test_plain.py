@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigd.analysis.plain import plain, plain_object
+from rigd.analysis.plain_data import plain, plain_object
 
 
 class Colour(Enum):

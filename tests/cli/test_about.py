@@ -10,7 +10,7 @@ import pytest
 
 from rigd.cli.main import main
 from rigd.record import Recording
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 SAID = [
     "--operator", "A. Miller", "--note", "wheel cleaned", "--specimen", "W7", "--meta", "batch=13",

@@ -10,7 +10,7 @@ from support.eds import line_of, write_eds
 
 from rigd.config.loader import parse_rig
 from rigd.model.errors import ConfigError
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 RIG = (shipped_folder("configs") / "wire_lugre.yaml").read_text()
 

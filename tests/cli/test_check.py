@@ -10,7 +10,7 @@ import pytest
 
 from rigd.cli.main import main
 from rigd.remote.tls import setup_tls
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 PROCEDURES = shipped_folder("procedures")
 ALL = sorted(str(file) for file in PROCEDURES.glob("*.yaml"))

@@ -17,7 +17,7 @@ from rigd.model import ConfigError
 from rigd.model.errors import RigdError
 from rigd.procedure.chosen_rig import chosen_rig, try_rig
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 SHORT = """\
 procedure: short

@@ -19,7 +19,7 @@ from rigd.analysis.api import ResultOrigin
 from rigd.analysis.compare import plots
 from rigd.analysis.compare.campaign import files_of, grouped
 from rigd.analysis.estimates import Estimate, Share
-from rigd.analysis.plain import plain_object
+from rigd.analysis.plain_data import plain_object
 from rigd.cli.main import main
 from rigd.model.errors import ConfigError, DataError
 

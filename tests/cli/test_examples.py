@@ -28,7 +28,7 @@ from rigd.engine.run.result import Progress
 from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 TESTS = Path(__file__).resolve().parents[1]
 DAY = "runs/20261121-080000"

@@ -12,7 +12,7 @@ from support.odd_mcap import VALID, Content, content_of
 from support.shipped_runs import Pair, play
 
 from rigd.config.loader import load_rig
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 
 @pytest.fixture(scope="module")

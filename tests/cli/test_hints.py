@@ -20,7 +20,7 @@ from support.command import Ended, rigd
 from rigd.model import Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import Attachment, RecordingWriter
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 FORCE = Stream("force", (Channel("force", "N"), Channel("speed", "m/s")))
 START_NS = 10**18

@@ -9,7 +9,7 @@ from support.asking import ASKING
 
 from rigd.cli.main import main
 from rigd.record import Recording
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 #: What is printed if a forgotten copy of the shipped rig is in the folder.
 TITLE = (

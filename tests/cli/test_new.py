@@ -128,7 +128,7 @@ def test_a_friction_law_passes_and_is_found(tmp_path: Path) -> None:
         cwd=elsewhere, site=site,
     )  # fmt: skip
     assert "2 passed" in tested
-    find = "from rigd.analysis.friction.installed import find_law; print(find_law('acme-rubber'))"
+    find = "from rigd.analysis.friction.registry import find_law; print(find_law('acme-rubber'))"
     (elsewhere / "find.py").write_text(find)
     assert "acme_rubber.law.AcmeRubber" in run("find", cwd=elsewhere, site=site)
 

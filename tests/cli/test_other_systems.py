@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support.elsewhere import HEAVY, LIBRARIES, Ended, run_elsewhere
 
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 #: What Windows refuses, each tried as rigd could try it.
 REFUSED = """

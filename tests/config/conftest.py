@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 Spoil = Callable[[str, str], str]
 

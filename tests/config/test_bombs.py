@@ -16,7 +16,7 @@ from rigd.importing.map.map_reader import load_map
 from rigd.model.errors import ConfigError
 from rigd.procedure.loader import load_procedure
 from rigd.remote.client.rigs.remotes import read_remotes
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 from rigd_sim.lugre.plant import LugrePlant
 from rigd_sim.wire.faults import read_fault_file
 

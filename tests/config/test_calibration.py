@@ -22,7 +22,7 @@ from rigd.config.calibration.calibration_file import renewed, write_calibration
 from rigd.config.loader import load_rig, parse_rig
 from rigd.config.schema import calibration_schema
 from rigd.model import ConfigError
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 SHIPPED = shipped_folder("configs") / "calibrations" / "approach_angle.yaml"
 TODAY = date(2026, 11, 21)

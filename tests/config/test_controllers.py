@@ -13,7 +13,7 @@ from rigd.config.loader import channel_names, parse_rig
 from rigd.daemon.manual.choice import only
 from rigd.model import ConfigError
 from rigd.model.units import parse_quantity
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 FILE = Path("rig.yaml")
 DERIVED = """\

@@ -12,7 +12,7 @@ from support.cases import some
 from rigd.config.document import parse_document
 from rigd.config.loader import parse_rig
 from rigd.model import ConfigError
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 TEXT = (shipped_folder("configs") / "sim_lugre.yaml").read_text()
 FILE = Path("rig.yaml")

@@ -10,7 +10,7 @@ import pytest
 
 from rigd.config.document import parse_document
 from rigd.model import ConfigError
-from rigd.sdk.shipped import Kind, shipped_folder
+from rigd.sdk.shipped_files import Kind, shipped_folder
 
 FILE = Path("f.yaml")
 #: Words of YAML parsers that mean nothing to the author of a file.

@@ -12,7 +12,7 @@ from rigd.config.loader import parse_rig
 from rigd.daemon.manual.choice import only
 from rigd.engine.cycle.wiring import streams_of
 from rigd.model import ConfigError
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 FILE = Path("rig.yaml")
 GOOD = """\

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.analysis.friction.installed import installed_laws
+from rigd.analysis.friction.registry import installed_laws
 from rigd.analysis.plan import find_analysis
 from rigd.cli.main import main
 from rigd.computed.observers.model import ObserverModel

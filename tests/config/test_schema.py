@@ -10,7 +10,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from rigd.config.schema import rig_schema
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 
 def test_schema_file_matches_the_code() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from rigd.config.loader import parse_rig
 from rigd.model.errors import ConfigError
-from rigd.sdk.shipped import shipped_configs
+from rigd.sdk.shipped_files import shipped_configs
 
 CARD = (shipped_configs() / "card_lugre.yaml").read_text()
 SERIAL = """

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.shipped import find_file, location
+from rigd.config.shipped_files import find_file, location
 from rigd.model import ConfigError
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 
 def test_rig_is_found_by_name_and_path() -> None:

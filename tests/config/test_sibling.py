@@ -12,7 +12,7 @@ from rigd.config.loader import load_rig
 from rigd.config.sibling.differences import Difference
 from rigd.config.sibling.sibling import Sibling, read_sibling
 from rigd.model import ConfigError
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 CONFIGS = shipped_folder("configs")
 REAL = (CONFIGS / "wire_lugre.yaml").read_text()

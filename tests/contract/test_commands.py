@@ -12,7 +12,7 @@ from contract.transcript import Transcript
 from support.wrong_rigs import MISTAKES, spoilt
 
 from rigd.cli.main import COMMANDS, build_parser, command_name
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 #: Commands with wrong arguments, missing files and files of another kind.
 REFUSED = (

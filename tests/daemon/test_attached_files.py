@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rigd.config.loader import load_rig
-from rigd.config.shipped import find_file
+from rigd.config.shipped_files import find_file
 from rigd.daemon.execute import RunRequest, attached_texts
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure

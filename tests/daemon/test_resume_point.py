@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rigd.daemon.execute import perform
-from rigd.daemon.requested import requested
 from rigd.daemon.resume import read_resume_point
+from rigd.daemon.run_request import requested
 from rigd.engine.play.control import Control
 from rigd.model import RecordingError
 from rigd.model.about import About

@@ -38,7 +38,7 @@ from rigd.importing import load_map
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 DOCUMENTS = (

@@ -14,7 +14,7 @@ from rigd.model import Blocked, ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import CompiledProcedure, Prompt
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 CONFIGS = shipped_folder("configs")
 REAL = load_rig(CONFIGS / "wire_lugre.yaml")

@@ -10,7 +10,7 @@ from rigd.config.loader import load_rig
 from rigd.dry_run import dry_run
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 CONFIGS = shipped_folder("configs")
 DRIVE = """\

@@ -22,7 +22,7 @@ from rigd.engine.play.control import Control
 from rigd.engine.process.in_process import InProcessHost
 from rigd.engine.cycle.wiring import wire
 from rigd.procedure.program import Recorded
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 HOLDS = [
     "rim_hold: {measured: rim.speed, output: wheel_servo.current, kp: 5 A s/m, LIMITS}",

@@ -26,7 +26,7 @@ from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import CompiledProcedure, CycleProgram, Recorded
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 CONTROLLERS = """\
 derived:

@@ -12,7 +12,7 @@ from support.bench import ListSink
 from rigd.config.loader import parse_rig
 from rigd.daemon.manual.choice import only
 from rigd.engine.clock import VirtualClock
-from rigd.engine.cycle.computed import late_after
+from rigd.engine.cycle.computing import late_after
 from rigd.engine.cycle.wiring import wire
 from rigd.engine.play.control import Control
 from rigd.engine.process.in_process import InProcessHost
@@ -23,7 +23,7 @@ from rigd.model.rows import TIME_FIELD
 from rigd.model.severity import Severity
 from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import Comparison, Condition, CycleProgram, Recorded, Segment
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 DERIVED = """\
 derived:

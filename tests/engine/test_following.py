@@ -17,7 +17,7 @@ from rigd.engine.play.interlocks import InterlockBank, Trip
 from rigd.model.errors import Exit
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 from rigd_sim.lugre.belt import BeltRow, LugreBelt
 
 MS: Final = 1_000_000

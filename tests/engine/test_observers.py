@@ -18,7 +18,7 @@ from rigd.model.channels import STALE, STATUS_FIELD
 from rigd.model.severity import Severity
 from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import Comparison, Condition, CycleProgram, Recorded, Segment
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 OBSERVERS = """\
 observers:

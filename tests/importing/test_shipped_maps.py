@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 
 from rigd.importing import load_map
 from rigd.importing.source import map_schema
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 MAPS = sorted(shipped_folder("maps").glob("*.yaml"))
 

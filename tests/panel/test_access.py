@@ -16,7 +16,7 @@ from support.played_campaign import RECORDING
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from rigd.model.errors import ConfigError
-from rigd.panel import sessions
+from rigd.panel.login import sessions
 from rigd.panel.server import Listen
 from rigd.remote.rates import Bucket
 

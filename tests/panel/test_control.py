@@ -13,7 +13,7 @@ import pytest
 from support.panel import ServedPanel, Visitor
 from support.played_rig import PlayedRig
 
-from rigd.panel.session_store import SessionStore
+from rigd.panel.login.session_store import SessionStore
 from rigd.remote.client.lease import renewing
 from rigd.remote.protocol import ClientUser
 

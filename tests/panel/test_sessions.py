@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from rigd.panel.login.session_store import SessionStore
+from rigd.panel.login.sessions import CODE_S, IDLE_S, MOST_CODES, MOST_SESSIONS, Sessions
 from rigd.panel.messages import Role
-from rigd.panel.session_store import SessionStore
-from rigd.panel.sessions import CODE_S, IDLE_S, MOST_CODES, MOST_SESSIONS, Sessions
 from rigd.remote.rates import MOST_CLIENTS, Bucket, BucketByClient
 
 

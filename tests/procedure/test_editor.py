@@ -23,7 +23,7 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.expression import ExpressionError, parse_expression
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.source import procedure_schema
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 TESTS = Path(__file__).resolve().parents[1]
 STEP = {"step": "drive", "set": {"wheel_servo.current": "0.6 A"}, "for": "1 s"}

@@ -13,7 +13,7 @@ from rigd.config.loader import load_rig
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 RIG = load_rig("lugre-1")
 FILE = Path("p.yaml")

@@ -10,7 +10,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from rigd.procedure.source import procedure_schema
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 FILES = sorted(shipped_folder("procedures").glob("*.yaml"))
 

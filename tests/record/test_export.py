@@ -22,7 +22,7 @@ from rigd.cli.main import main
 from rigd.model import Channel, RecordingError, Stream
 from rigd.record import Recording, RecordingWriter
 from rigd.record.export import Format, export
-from rigd.record.read.joined import TimeBase, joined_table
+from rigd.record.read.joined_table import TimeBase, joined_table
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

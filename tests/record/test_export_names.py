@@ -14,7 +14,7 @@ import scipy.io
 from rigd.model import Channel, RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, add_metadata
 from rigd.record.export import export
-from rigd.record.read.joined import TimeBase
+from rigd.record.read.joined_table import TimeBase
 
 Record = Callable[[dict[str, list[str]]], Recording]
 

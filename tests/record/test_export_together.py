@@ -21,7 +21,7 @@ from rigd.model import Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import Recording, RecordingWriter
 from rigd.record.export import Format, export
-from rigd.record.read.joined import TimeBase, joined_batches
+from rigd.record.read.joined_table import TimeBase, joined_batches
 from rigd.record.read.tables import concatenated
 
 Create = Callable[..., RecordingWriter]

@@ -22,7 +22,7 @@ from rigd.model import Channel, Stream
 from rigd.record import Recording
 from rigd.record.layout import FORMATS, layout
 from rigd.record.layout.plots import MOST_PLOTS, tabs_of
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 RIGS = {
     "lugre-1": "quick",

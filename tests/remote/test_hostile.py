@@ -237,7 +237,7 @@ def test_flood_is_refused_counted_and_named(on_loopback: Served) -> None:
 def test_held_up_thread_delays_no_stop_of_others(on_loopback: Served, client: ZenohClient) -> None:
     """Three connections send what is refused, and the log of that hangs."""
     hangs = HangingLog()
-    log = logging.getLogger("rigd.remote.server.refused")
+    log = logging.getLogger("rigd.remote.server.refusal_log")
     with ExitStack() as opened:
         floods = [opened.enter_context(on_loopback.client()) for _ in range(3)]
         opened.callback(log.removeHandler, hangs)

@@ -15,7 +15,7 @@ import pytest
 from rigd.sdk import Channel, Declaration, Row
 from rigd.sdk.check import Observed, Peer, SentReading
 from rigd.sdk.check.caller import RECEIVES, SENDS, hearing
-from rigd.sdk.check.fast import near
+from rigd.sdk.check.cyclic.sequences import near
 from rigd.sdk.check.leaks import opens
 from rigd.sdk.check.rows import Matching, drawn_values
 from rigd.sdk.check.watching import HeldTime, Watcher

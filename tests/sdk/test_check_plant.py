@@ -14,7 +14,7 @@ from support.cart import DEVICES, Cart, CartConfig, Motor, Ruler, RulerRow
 
 from rigd.sdk import Energy, In, ParameterGroup, ParametersConfig, PlantConfig
 from rigd.sdk.check import NonConforming, check_plant, examine_plant
-from rigd.sdk.check.plant_bench import CYCLE_NS, Device
+from rigd.sdk.check.plant.bench import CYCLE_NS, Device
 from rigd.sdk.noise import normal_pair
 from rigd_sim.approach_angle.daq import AngleDaq
 from rigd_sim.approach_angle.plant import AnglePlant

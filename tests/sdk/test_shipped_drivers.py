@@ -12,7 +12,7 @@ import pytest
 
 from rigd.config.loader import load_rig
 from rigd.sdk.check import FAULTS, Observed, Peer, check_driver
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 from rigd_sim.articulated.drive import ArticulatedDrive
 from rigd_sim.articulated.plant import ArticulatedConfig, ArticulatedPlant
 from rigd_sim.articulated.sensors import ArticulatedTracker, ArticulatedTruth

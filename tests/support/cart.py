@@ -22,7 +22,7 @@ from rigd.sdk import (
     Setting,
     accepted,
 )
-from rigd.sdk.check.plant_bench import Device
+from rigd.sdk.check.plant.bench import Device
 from rigd.sdk.noise import normal_pair
 
 

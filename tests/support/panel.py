@@ -20,8 +20,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from rigd.config.remote import RemoteSetup
 from rigd.model.errors import LinkError
+from rigd.panel.login.session_store import SessionStore
 from rigd.panel.server import Listen, serve
-from rigd.panel.session_store import SessionStore
 from rigd.remote.client.connection import Connection
 from rigd.remote.client.rigs.target import make_target
 from rigd.remote.protocol import Kind, RigEvent, Status

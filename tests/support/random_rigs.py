@@ -23,7 +23,7 @@ from rigd.engine.play.control import Control
 from rigd.engine.run.result import RunResult
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 FLOORS: Final = ("stone", "pvc", "paperboard")
 PROCEDURE: Final = "constant_current"

@@ -22,7 +22,7 @@ from rigd.engine.play.control import Control
 from rigd.engine.run.result import RunResult
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 PROCEDURE: Final = "robot_manoeuvres"
 NAMES: Final = ("k_lon", "k_lat", "k_roll", "mu_d", "mu_s")

@@ -14,7 +14,7 @@ from rigd.engine.run.result import RunResult
 from rigd.model.errors import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from support.random_rigs import number_of
 
 from rigd.record import Recording
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 #: Names of friction in `plants/lugre.yaml`, by those of the filter, with their units.
 NAMES: Final = {

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 #: Change of a shipped rig file, by its name: text that stands there, and what a user writes.
 MISTAKES = [

@@ -17,7 +17,7 @@ from support.command import Ended, rigd
 from support.terminal import Terminal
 
 from rigd.record import Event, Recording
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 ONE = ("--set", "set=clean_30", "--set", "load=5 kg", "--set", "voltage=10 V")
 RATE_HZ = 9600.0

@@ -11,7 +11,7 @@ from support.terminal import Terminal
 
 from rigd.config.calibration.calibration import load_calibration, parse_calibration
 from rigd.record import Recording
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 CONFIGS = shipped_folder("configs")
 FILE = Path("calibrations/approach_angle.yaml")

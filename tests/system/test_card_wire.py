@@ -18,7 +18,7 @@ from support.stalls import witnessed
 
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
-from rigd.config.shipped import find_file
+from rigd.config.shipped_files import find_file
 
 ONE_SHOT_S = 0.5  #: longer than this machine stalls, short enough to wait for
 WAIT_S = 60.0

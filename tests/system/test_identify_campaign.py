@@ -11,7 +11,7 @@ from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 from rigd_analyses.approach_angle.evaluation import CampaignEvaluation
 from rigd_analyses.approach_angle.raw.run_data import Regime
 

@@ -10,7 +10,7 @@ import pytest
 from support.command import rigd, start
 
 from rigd.record import Recording
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 #: A cycle that a loaded machine misses does no harm: nothing moves.
 STILL = """\

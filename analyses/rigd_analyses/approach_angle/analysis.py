@@ -19,7 +19,7 @@ from rigd_analyses.approach_angle.values import CALIBRATABLE
 if TYPE_CHECKING:
     from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
     from rigd.analysis.validation.result import Validation
-    from rigd.analysis.validation.saved import SavedModel
+    from rigd.analysis.validation.saved_models import SavedModel
 
 
 class ApproachAngleAnalysis(Analysis):

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from rigd.analysis.estimates import Estimate, Share
-from rigd.analysis.plain import plain_object
+from rigd.analysis.plain_data import plain_object
 from rigd_analyses.approach_angle.budget import Budget
 from rigd_analyses.approach_angle.raw.run_data import (
     Coefficient,

@@ -36,7 +36,7 @@ from rigd.analysis.validation.result import (
     ValidatedTrial,
     Validation,
 )
-from rigd.analysis.validation.saved import SavedModel
+from rigd.analysis.validation.saved_models import SavedModel
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
 from rigd_analyses.approach_angle.evaluation import known_runs, settings_of

@@ -11,7 +11,7 @@ from rigd_analyses.articulated.needs import NEEDS
 if TYPE_CHECKING:
     from rigd.analysis.recordings.source import RecordedSweep
     from rigd.analysis.validation.result import Validation
-    from rigd.analysis.validation.saved import SavedModel
+    from rigd.analysis.validation.saved_models import SavedModel
 
 
 class ArticulatedAnalysis(Analysis):

@@ -38,7 +38,7 @@ from rigd.analysis.validation.result import (
     ValidatedTrial,
     Validation,
 )
-from rigd.analysis.validation.saved import SavedModel, chosen
+from rigd.analysis.validation.saved_models import SavedModel, chosen
 from rigd_analyses.articulated.checks import check_markers
 from rigd_analyses.articulated.evaluation import LABEL, certain_grip, robot_system
 from rigd_analyses.articulated.family import common_scale

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rigd.analysis.design.command import Designed, DesignRequest
     from rigd.analysis.recordings.source import RecordedSweep
     from rigd.analysis.validation.result import Validation
-    from rigd.analysis.validation.saved import SavedModel
+    from rigd.analysis.validation.saved_models import SavedModel
 
 
 class LugreAnalysis(Analysis):

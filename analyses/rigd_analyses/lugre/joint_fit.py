@@ -11,7 +11,7 @@ from rigd.analysis import ConfigError, DataError, Options
 from rigd.analysis.fitting.model import slopes
 from rigd.analysis.joint_account import JointAccount
 from rigd.analysis.output_error.estimator import OutputErrorFit
-from rigd.analysis.output_error.joint import Joint, SharedConstant, join
+from rigd.analysis.output_error.joint_fit import Joint, SharedConstant, join
 from rigd.analysis.parameters import Group, RefusedGroup, each_group
 from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report.rounding import probability

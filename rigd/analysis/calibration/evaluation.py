@@ -12,7 +12,7 @@ from rigd.analysis.analysis import Evaluation
 from rigd.analysis.calibration.reading import Steps
 from rigd.analysis.calibration.result import CalibrationResult, Measured
 from rigd.analysis.estimates import Estimate
-from rigd.analysis.plain import plain_object
+from rigd.analysis.plain_data import plain_object
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import Heading, Opening, Provenance
 from rigd.analysis.report.opening import joined, listed

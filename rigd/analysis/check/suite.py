@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rigd.analysis.analysis import Analysis, Evaluation, Options
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
 from rigd.analysis.check.case import Case, SimulatedTrial, write_case
-from rigd.analysis.check.compared import (
+from rigd.analysis.check.comparison import (
     REPEATED,
     SPOILT_WIDTH,
     Found,

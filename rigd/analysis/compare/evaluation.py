@@ -21,7 +21,7 @@ from rigd.analysis.compare.texts import (
     trend_lines,
     value_text,
 )
-from rigd.analysis.plain import plain_object
+from rigd.analysis.plain_data import plain_object
 from rigd.analysis.report import Facts, Heading, Provenance
 from rigd.analysis.report.opening import listed
 from rigd.analysis.report.rounding import probability

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rigd.analysis.analysis import Designs
 from rigd.analysis.plan import find_analysis
-from rigd.analysis.validation.saved import SavedModel, chosen, read_models
+from rigd.analysis.validation.saved_models import SavedModel, chosen, read_models
 from rigd.config.rig import RigConfig
 from rigd.model.errors import ConfigError
 from rigd.procedure.compile import compile_procedure

@@ -3,7 +3,7 @@
 A law is a class that entry points below ``rigd.friction_laws`` name (docs/friction_laws.md).
 """
 
-from rigd.analysis.friction.compiled import gradient, step
+from rigd.analysis.friction.compiled_law import gradient, step
 from rigd.analysis.friction.law import FrictionLaw, LawParameter
 from rigd.analysis.friction.model import LawModel, SlipForce
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from rigd.analysis.fitting.fit import multi_start
 from rigd.analysis.fitting.model import scaled_bounds, slopes, to_natural, to_scaled
-from rigd.analysis.friction import compiled
+from rigd.analysis.friction import compiled_law
 from rigd.analysis.friction.law import FrictionLaw
 from rigd.analysis.friction.model import STEP, LawModel, SlipForce
 from rigd.analysis.result import FloatArray
@@ -234,8 +234,8 @@ def _force(
 def _every_step(law: type[FrictionLaw], theta: FloatArray, slip: FloatArray) -> FloatArray:
     """Return F/F_N (n,) from a step at each sample, also at rest, which a fit leaves out."""
     nothing, dt = np.zeros_like(slip), np.full_like(slip, PERIOD_S)
-    inputs = (slip, slip, nothing, dt, np.full_like(slip, compiled.FOLLOWS))
-    return compiled.predict(law.step, law.states, theta, inputs)
+    inputs = (slip, slip, nothing, dt, np.full_like(slip, compiled_law.FOLLOWS))
+    return compiled_law.predict(law.step, law.states, theta, inputs)
 
 
 def _start(law: type[FrictionLaw]) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rigd.analysis.fitting.model import FitParameter
-from rigd.analysis.friction.compiled import Gradient, Step
+from rigd.analysis.friction.compiled_law import Gradient, Step
 from rigd.analysis.result import FloatArray
 
 

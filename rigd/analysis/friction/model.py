@@ -16,7 +16,7 @@ from rigd.analysis.fitting.model import (
     to_natural,
     to_scaled,
 )
-from rigd.analysis.friction import compiled
+from rigd.analysis.friction import compiled_law
 from rigd.analysis.friction.law import FrictionLaw, LawParameter
 from rigd.analysis.result import FloatArray
 
@@ -59,7 +59,7 @@ class LawModel:
         between = np.concatenate([_between(slip[part]) for part in self._slices])
         rolls = np.concatenate([_between(rolling[part]) for part in self._slices])
         dt = np.repeat([trial.period_s for trial in self.trials], lengths)
-        dt[kind != compiled.FOLLOWS] = 0.0
+        dt[kind != compiled_law.FOLLOWS] = 0.0
         self._inputs = (slip, between, rolls, dt, kind)
         self._measured: FloatArray = np.concatenate([trial.force for trial in self.trials])
         self._mask: FloatArray = np.concatenate([trial.mask for trial in self.trials])
@@ -81,7 +81,7 @@ class LawModel:
 
     def predict(self, theta: FloatArray) -> FloatArray:
         """Return F/F_N (n,), also if the mask is 0."""
-        return compiled.predict(self.law.step, self.law.states, theta, self._inputs)
+        return compiled_law.predict(self.law.step, self.law.states, theta, self._inputs)
 
     def residuals(self, theta: FloatArray) -> FloatArray:
         """Return prediction minus measurement, (n,), dimensionless (of F_N)."""
@@ -91,7 +91,7 @@ class LawModel:
         """Return d(residuals)/d(theta), (n, p)."""
         if self.law.gradient is None:
             return self.differences(theta)
-        return compiled.sensitivities(self.law.gradient, self.law.states, theta, self._inputs)
+        return compiled_law.sensitivities(self.law.gradient, self.law.states, theta, self._inputs)
 
     def differences(self, theta: FloatArray) -> FloatArray:
         """Return d(residuals)/d(theta), (n, p), as central differences; at a bound, one-sided."""
@@ -109,7 +109,7 @@ class LawModel:
     def cost(self, theta: FloatArray, weights: FloatArray | None = None) -> float:
         """Return half the weighted sum of squared residuals."""
         law = self.law
-        return compiled.cost(
+        return compiled_law.cost(
             law.step, law.states, theta, self._inputs, self._measured, self._weights(weights)
         )
 
@@ -121,7 +121,7 @@ class LawModel:
         if law.gradient is None:
             return stacked_normal_equations(self.residuals(theta), self.differences(theta), used)
         return NormalEquations(
-            *compiled.normal_equations(
+            *compiled_law.normal_equations(
                 law.gradient, law.states, theta, self._inputs, self._measured, used
             )
         )
@@ -145,8 +145,8 @@ def _kind(slip: FloatArray) -> FloatArray:
     """Return what each sample of a trial is; the rest ends with its last sample without slip."""
     moving = np.flatnonzero(slip)
     begin = int(moving[0]) if moving.size else len(slip)
-    kind = np.full(len(slip), compiled.FOLLOWS)
-    kind[:begin] = compiled.RESTS
+    kind = np.full(len(slip), compiled_law.FOLLOWS)
+    kind[:begin] = compiled_law.RESTS
     if begin == 0:
-        kind[0] = compiled.BEGINS
+        kind[0] = compiled_law.BEGINS
     return kind

@@ -3,7 +3,7 @@
 :func:`measured` reads recordings, :mod:`rigd.analysis.measures.view` shows the result.
 """
 
-from rigd.analysis.measures.recorded import (
+from rigd.analysis.measures.recordings import (
     formulas_behind,
     measured,
     measured_if_any,

@@ -15,7 +15,7 @@ from rigd.model.channels import ECHO, STALE, STATUS_FIELD, Stream
 from rigd.model.errors import RecordingError
 from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.model.tables import Tables
-from rigd.procedure.steps.recorded import CYCLE_STREAM
+from rigd.procedure.steps.recorded_streams import CYCLE_STREAM
 from rigd.record import Recording
 
 Rows = NDArray[np.void]

@@ -16,7 +16,7 @@ from rigd.analysis.recordings.source import Correction
 from rigd.analysis.report import Heading, Opening, Provenance
 from rigd.analysis.report.opening import joined
 from rigd.analysis.validation.result import ModelOutcome, Validation
-from rigd.analysis.validation.saved import read_models
+from rigd.analysis.validation.saved_models import read_models
 from rigd.analysis.validation.tables import overview, published_table, summary
 from rigd.config.registry import ANALYSES, FRICTION_LAWS, installed
 from rigd.model.errors import ConfigError, DataError

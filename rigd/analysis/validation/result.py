@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from rigd.analysis.plain import plain_object
+from rigd.analysis.plain_data import plain_object
 from rigd.analysis.result import FloatArray, TrialRejection
 
 

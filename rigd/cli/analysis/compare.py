@@ -59,8 +59,8 @@ def execute(args: argparse.Namespace) -> int:
 
     from rigd.analysis.analysis import Options
     from rigd.analysis.api import corrections_of, refuse_recording
+    from rigd.analysis.compare.api import compared
     from rigd.analysis.compare.campaign import grouped, named_groups
-    from rigd.analysis.compare.front import compared
     from rigd.analysis.side_by_side import cores
     from rigd.cli.views.evaluation import print_evaluation
     from rigd.model.errors import Exit

@@ -22,7 +22,7 @@ from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError
 from rigd.sdk import AnyDriver, Link, Plant, Simulation
 from rigd.sdk.options.options import Option, options_of
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rigd.config.lab.publication import Author, Publication
     from rigd.record import Recording, RunInfo
     from rigd.record.export import Format
-    from rigd.record.read.joined import TimeBase
+    from rigd.record.read.joined_table import TimeBase
 
 HELP = "export recordings for other programs or publication: Parquet, CSV, MATLAB, HDF5, RO-Crate"
 EXAMPLES = """\
@@ -307,7 +307,7 @@ def _base(recording: Recording, args: argparse.Namespace) -> TimeBase | None:
         RecordingError: there is no such stream or channel.
     """
     from rigd.model.errors import RecordingError
-    from rigd.record.read.joined import Between, TimeBase
+    from rigd.record.read.joined_table import Between, TimeBase
 
     between: Between = args.between or "last"
     if args.rate is not None:

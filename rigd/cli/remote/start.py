@@ -49,7 +49,7 @@ def _configure_watch(parser: argparse.ArgumentParser) -> None:
 
 
 def _start(args: argparse.Namespace) -> int:
-    from rigd.config.shipped import is_path
+    from rigd.config.shipped_files import is_path
     from rigd.procedure.loader import load_own_procedure
 
     about = read_about(None, args.note, args.meta, args.specimen)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
     from rigd.model.errors import ConfigError
     from rigd.procedure.program import CompiledProcedure
-    from rigd.sdk.shipped import Kind
+    from rigd.sdk.shipped_files import Kind
 
 #: Names that are less alike are no typing errors of each other (share of equal letters).
 _NEAR: Final = 0.75
@@ -75,7 +75,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Check every file; a wrong file does not stop the check of the others."""
     from rigd.config.loader import load_rig
-    from rigd.config.shipped import titled
+    from rigd.config.shipped_files import titled
     from rigd.config.sibling.stated_rig import ChosenRig, stated_rig
     from rigd.model.errors import Exit
 
@@ -127,7 +127,7 @@ def _lacked(given: str, error: ConfigError, rig: RigConfig) -> tuple[str, ...]:
     """
     from rigd.config.loader import load_rig
     from rigd.model.errors import ConfigError
-    from rigd.sdk.shipped import shipped_folder
+    from rigd.sdk.shipped_files import shipped_folder
 
     missing = {item.lacks for item in (error, *error.others)}
     if any(name.partition(".")[0] not in rig.devices for name in missing):
@@ -295,7 +295,7 @@ def _sibling_text(rig: RigConfig) -> str:
 
 
 def _check_procedure(given: str, rig: RigConfig | None) -> str:
-    from rigd.config.shipped import titled
+    from rigd.config.shipped_files import titled
     from rigd.procedure.loader import load_procedure
 
     procedure = load_procedure(given)
@@ -365,7 +365,7 @@ def _instead_of(path: Path, *shipped: str) -> str:
 
 def _kind(given: str) -> str:
     """Return the kind of the file ``given``, from its keys, or from its name if it is unknown."""
-    from rigd.config.shipped import find_file
+    from rigd.config.shipped_files import find_file
     from rigd.model.errors import ConfigError
 
     path = Path(given)

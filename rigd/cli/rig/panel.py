@@ -77,8 +77,8 @@ def execute(args: argparse.Namespace) -> int:
 
     from rigd.engine.system.realtime import prefer
     from rigd.model.errors import Exit
+    from rigd.panel.login.session_store import SessionStore
     from rigd.panel.server import Listen, serve
-    from rigd.panel.session_store import SessionStore
 
     if args.certificate is None and args.identity is None:
         args.identity = IDENTITY

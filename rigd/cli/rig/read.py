@@ -55,7 +55,7 @@ def execute(args: argparse.Namespace) -> int:
     require_linux("`rigd read`")
     from rigd.cli.views.readings import view_for
     from rigd.config.loader import load_rig
-    from rigd.config.shipped import titled
+    from rigd.config.shipped_files import titled
     from rigd.daemon.manual import Newest, chosen_channels, only, open_unarmed
     from rigd.daemon.signals import handle_signals
     from rigd.engine.play.control import Control

@@ -128,8 +128,8 @@ def execute(args: argparse.Namespace) -> int:
 def _execute(args: argparse.Namespace) -> int:
     from rigd.cli.rig.playing import play
     from rigd.cli.views.junit import suite_of_complete, write_junit
-    from rigd.daemon.requested import requested
     from rigd.daemon.resume import read_resume_point
+    from rigd.daemon.run_request import requested
     from rigd.model.errors import ConfigError
     from rigd.model.machine.extras import require
 

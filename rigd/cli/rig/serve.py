@@ -79,7 +79,7 @@ def execute(args: argparse.Namespace) -> int:
     # A service manager ends a hanging daemon by SIGABRT: each thread then prints its stack.
     faulthandler.enable()
     from rigd.config.loader import load_rig
-    from rigd.config.shipped import titled
+    from rigd.config.shipped_files import titled
     from rigd.daemon.serve import DaemonOptions, logging_to, serve
     from rigd.model.errors import ConfigError, Exit
     from rigd.model.machine.extras import is_installed, missing, require

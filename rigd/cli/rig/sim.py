@@ -48,7 +48,7 @@ def execute(args: argparse.Namespace) -> int:
 
     require_linux("`rigd sim`")
     from rigd.config.loader import load_rig
-    from rigd.config.shipped import titled
+    from rigd.config.shipped_files import titled
     from rigd.engine.system.realtime import SIMULATED_PRIORITY, RealTime
     from rigd.model.errors import ConfigError, Exit
 

@@ -35,7 +35,7 @@ def execute(args: argparse.Namespace) -> int:
     require_linux("`rigd tare`")
     from rigd.cli.views.readings import in_words
     from rigd.config.loader import load_rig
-    from rigd.config.shipped import titled
+    from rigd.config.shipped_files import titled
     from rigd.daemon.manual import Newest, check_action, only, open_unarmed
     from rigd.daemon.signals import handle_signals
     from rigd.engine.play.control import Control

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from rigd.config.loader import channel_names
 from rigd.config.rig import RigConfig
-from rigd.config.shipped import titled
+from rigd.config.shipped_files import titled
 from rigd.daemon.doctor import Check, CheckVerdict, is_fit
 
 _COLOUR: Final = {

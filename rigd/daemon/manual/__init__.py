@@ -2,7 +2,7 @@
 
 from rigd.daemon.manual.choice import actions_of, check_action, chosen_channels, only
 from rigd.daemon.manual.newest import Newest, Reading
-from rigd.daemon.manual.unarmed import UnarmedSession, open_unarmed
+from rigd.daemon.manual.unarmed_rig import UnarmedSession, open_unarmed
 
 __all__ = [
     "Newest",

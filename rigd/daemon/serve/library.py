@@ -25,7 +25,7 @@ from rigd.remote.protocol.results import (
     Procedures,
     ProcedureView,
 )
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 #: A procedure of no more steps and values, all trials together, is checked in the daemon: within
 #: 0.1 s.

@@ -336,7 +336,7 @@ class _Page(Message):
 
 def _compare(job: Mapping[str, Any]) -> _Page:
     require("analysis", "this daemon")
-    from rigd.analysis.compare.front import compare
+    from rigd.analysis.compare.api import compare
 
     os.chdir(job["folder"])  # the page must not show paths of this machine
     return _Page(text=compare(*job["recordings"]).evaluation.report())

@@ -18,7 +18,7 @@ from rigd.computed.observers.driver import Observer
 from rigd.config.rig import RestBound
 from rigd.engine.clock import Clock
 from rigd.engine.cycle.block_rows import BlockSink
-from rigd.engine.cycle.computed import Computing, late_after
+from rigd.engine.cycle.computing import Computing, late_after
 from rigd.engine.cycle.inputs import inputs_of
 from rigd.engine.cycle.limiter import Limiter
 from rigd.engine.cycle.mount import MountedRig

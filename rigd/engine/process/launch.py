@@ -15,7 +15,7 @@ from rigd.engine.play.control import Control
 from rigd.engine.process.process_host import ProcessHost, Watched
 from rigd.engine.rates import ring_rows
 from rigd.engine.shared import Job, RunFolder, Word
-from rigd.engine.slow.off_cycle import OffCycleDevices
+from rigd.engine.slow.off_cycle_devices import OffCycleDevices
 from rigd.procedure.program import Recorded
 
 

@@ -28,7 +28,7 @@ from rigd.engine.process.cycle_link import CycleLink
 from rigd.engine.process.question import PendingQuestion
 from rigd.engine.process.rescue import Rescue, rescue
 from rigd.engine.shared import Phase, RunFolder, Word
-from rigd.engine.slow.off_cycle import OffCycleDevices
+from rigd.engine.slow.off_cycle_devices import OffCycleDevices
 from rigd.model.errors import DeviceError, RecordingError
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded

@@ -12,7 +12,7 @@ from rigd.analysis.plan import check_plan, find_analysis
 from rigd.config.binding import bind
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.problems import Problems, suggest
-from rigd.config.shipped import find_file
+from rigd.config.shipped_files import find_file
 from rigd.importing.map.map import (
     HAS_DATE,
     RAW,

@@ -17,7 +17,7 @@ from typing import Final, Literal
 from rigd.model import RecordingError
 from rigd.record.export.part import Measures, Origin, Part, free_name, origin, parts
 from rigd.record.mcap.schema import EVENTS_STREAM
-from rigd.record.read.joined import TimeBase
+from rigd.record.read.joined_table import TimeBase
 from rigd.record.read.reader import Recording
 from rigd.record.read.tables import STEPS_TABLE, TRIALS_TABLE
 
@@ -73,8 +73,8 @@ def export(
     ``target`` is the folder of the tables, or the file of ``hdf5`` and ``mdf4``. The columns are
     those of :mod:`rigd.record.read.tables`, bit for bit as recorded. ``streams`` None: all, with
     events. ``base``: the streams in one table instead, at these times
-    (:mod:`rigd.record.read.joined`). ``trials``: only the rows of these, by number; None: all rows.
-    The tables of trials and steps are always written; ``measures`` are further columns of the
+    (:mod:`rigd.record.read.joined_table`). ``trials``: only the rows of these, by number; None: all
+    rows. The tables of trials and steps are always written; ``measures`` are further columns of the
     trials: see :func:`rigd.record.read.tables.with_measures`. Rows are written in batches: memory
     does not grow with the recording, but for ``mat``.
 

@@ -16,7 +16,7 @@ from asammdf import MDF, Signal, Source
 from asammdf.blocks.v4_constants import BUS_TYPE_NONE, SOURCE_TOOL
 
 from rigd.record.export.part import Origin, Part, step_column, step_numbers
-from rigd.record.read.joined import JOINED_TABLE
+from rigd.record.read.joined_table import JOINED_TABLE
 from rigd.record.read.tables import Column, Table
 
 _VERSION: Final = "4.10"

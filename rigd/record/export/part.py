@@ -13,7 +13,7 @@ from rigd import __version__
 from rigd.model import Stream
 from rigd.record.mcap.prefix import Attachment
 from rigd.record.mcap.schema import EVENTS_STREAM
-from rigd.record.read.joined import JOINED_TABLE, TimeBase, joined_batches, joined_head
+from rigd.record.read.joined_table import JOINED_TABLE, TimeBase, joined_batches, joined_head
 from rigd.record.read.reader import Recording
 from rigd.record.read.tables import (
     STEP,

@@ -23,8 +23,8 @@ from rigd.record.mcap.wire import DATA_END, MAGIC, Malformed, decode, record_at
 from rigd.record.scan.definitions import has_own, replace_channel, replace_schema
 from rigd.record.scan.ending import check_ending, read_ending, take_summary
 from rigd.record.scan.findings import Damage, Piece, Scan, drop_copies
+from rigd.record.scan.next_record import begin_of_another
 from rigd.record.scan.others import scan_others
-from rigd.record.scan.plausible import begin_of_another
 from rigd.record.scan.walk import take_head, walk
 
 __all__ = ["Damage", "Piece", "Scan", "scan"]

@@ -44,7 +44,7 @@ from rigd.record.mcap.wire import (
 )
 from rigd.record.scan.chunk_head import open_chunk, span_of_index
 from rigd.record.scan.findings import Damage, Piece, Scan, collect
-from rigd.record.scan.plausible import (
+from rigd.record.scan.next_record import (
     check_index_end,
     check_record,
     ends_data,

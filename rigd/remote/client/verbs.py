@@ -9,7 +9,7 @@ from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
 
-from rigd.config.shipped import is_path
+from rigd.config.shipped_files import is_path
 from rigd.model.pages import page_of
 from rigd.procedure.loader import load_own_procedure
 from rigd.remote.client.connection import Connection

@@ -49,7 +49,7 @@ from rigd.remote.protocol.message import check_size
 from rigd.remote.protocol.verbs import PATIENCE_S
 from rigd.remote.rates import BucketByClient
 from rigd.remote.server.lease import Lease
-from rigd.remote.server.refused import Refused, TooManyQuestions
+from rigd.remote.server.refusal_log import Refused, TooManyQuestions
 from rigd.remote.server.requests import Requests, StoredReply
 from rigd.remote.server.service import Service
 

@@ -34,7 +34,7 @@ from rigd.remote.server.dispatcher import Dispatcher, RoutedRequest
 from rigd.remote.server.inbox import Inbox
 from rigd.remote.server.lease import Lease
 from rigd.remote.server.publisher import RigPublisher
-from rigd.remote.server.refused import Refused
+from rigd.remote.server.refusal_log import Refused
 from rigd.remote.server.requests import StoredReply
 from rigd.remote.server.service import Service
 

@@ -15,7 +15,7 @@ see :class:`Peer`. The author of a plant does the same::
 """
 
 from rigd.sdk.check.peer import FAULTS, Observed, Peer, SentReading, background_loop
-from rigd.sdk.check.plant_suite import check_plant, examine_plant
+from rigd.sdk.check.plant.suite import check_plant, examine_plant
 from rigd.sdk.check.report import Finding, NonConforming, Report
 from rigd.sdk.check.suite import check_driver, examine_driver
 

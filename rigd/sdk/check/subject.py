@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
-from rigd.sdk.check.drawn import drawn_options
+from rigd.sdk.check.drawn_options import drawn_options
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, DriverConfig

@@ -10,13 +10,13 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from rigd.sdk.check import declared, leaks
+from rigd.sdk.check import declaration_rules, leaks
 from rigd.sdk.check.blocks import RULES as BLOCK_RULES
-from rigd.sdk.check.cycled import RULES as CYCLE_RULES
+from rigd.sdk.check.cyclic.rules import RULES as CYCLE_RULES
 from rigd.sdk.check.opening import RULES as OPENING_RULES
 from rigd.sdk.check.peer import FAULTS, Peer
 from rigd.sdk.check.report import NonConforming, Report, all_of, examine
-from rigd.sdk.check.slow import RULES as SLOW_RULES
+from rigd.sdk.check.slow_rules import RULES as SLOW_RULES
 from rigd.sdk.check.subject import Rule, Subject
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
 
@@ -33,8 +33,8 @@ PLAYED: Final = frozenset({*BLOCK_RULES, *SLOW_RULES, CYCLE_RULES[0]})
 #: Rules that end the examination when they are broken.
 GATES: Final = frozenset(
     {
-        declared.DECLARES[0].name,
-        declared.UNOPENED_RULES[0].name,
+        declaration_rules.DECLARES[0].name,
+        declaration_rules.UNOPENED_RULES[0].name,
         *(rules[0].name for rules in RULES.values()),
     }
 )
@@ -69,8 +69,9 @@ def check_driver(
     """
     kind = _kind(driver_class)
     stages = (
-        declared.CLASS_RULES, declared.DECLARES, declared.DECLARED_RULES,
-        declared.UNOPENED_RULES[:1], declared.UNOPENED_RULES[1:], RULES[kind][:1], RULES[kind][1:],
+        declaration_rules.CLASS_RULES, declaration_rules.DECLARES, declaration_rules.DECLARED_RULES,
+        declaration_rules.UNOPENED_RULES[:1], declaration_rules.UNOPENED_RULES[1:],
+        RULES[kind][:1], RULES[kind][1:],
     )  # fmt: skip
     subject, faults = _subject(driver_class, {} if options is None else options, peer, seed)
     # A driver that cannot be constructed, or opened, has nothing else to show.

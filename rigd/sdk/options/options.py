@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from rigd.model.units import format_quantity
-from rigd.sdk.options.documented import description
+from rigd.sdk.options.documented_model import description
 from rigd.sdk.options.quantities import In
 
 _WORDS: Final = {

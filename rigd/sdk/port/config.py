@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import model_validator
 
 from rigd.sdk.driver import DriverConfig
-from rigd.sdk.options.documented import wrong_entry
+from rigd.sdk.options.documented_model import wrong_entry
 
 #: How a TCP port is named: that of the device, or of a device server that it is plugged into.
 TCP: Final = "tcp://"

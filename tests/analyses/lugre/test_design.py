@@ -16,7 +16,7 @@ from support.lugre_model import PVC, SENSOR_ROWS, fitted_constants, saved_model
 from rigd.analysis import ConfigError, DataError
 from rigd.analysis.design.command import DesignRequest, Ground, design
 from rigd.analysis.design.optimal import choose, half_widths
-from rigd.analysis.validation.saved import SavedModel, read_models
+from rigd.analysis.validation.saved_models import SavedModel, read_models
 from rigd.config.loader import load_rig
 from rigd.dry_run import dry_run
 from rigd.procedure.compile import compile_procedure

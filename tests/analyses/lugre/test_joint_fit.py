@@ -14,14 +14,14 @@ from support.lugre_bench import known_rig
 
 from rigd.analysis import ConfigError, DataError, Options
 from rigd.analysis.evaluation import evaluate
-from rigd.analysis.output_error.joint import join
+from rigd.analysis.output_error.joint_fit import join
 from rigd.analysis.parameters import Group, ParameterEvaluation
 from rigd.analysis.recordings.source import RecordedSweep, open_sweep
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 from rigd_analyses.lugre.conclusion import conclude_group
 from rigd_analyses.lugre.joint_fit import check_joint, identify_together
 from rigd_analyses.lugre.rig.family import RigFit, fit_group

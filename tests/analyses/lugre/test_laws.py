@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from rigd.analysis.friction import FrictionLaw, LawModel, SlipForce
 from rigd.analysis.friction.check import check_friction_law
-from rigd.analysis.friction.installed import find_law, installed_laws
+from rigd.analysis.friction.registry import find_law, installed_laws
 
 FloatArray = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from rigd.model.errors import ConfigError, DataError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import TrialInfo
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 from rigd_analyses.lugre.lateral.needs import GEOMETRY
 from rigd_analyses.lugre.lateral.reading import lateral_constants
 from rigd_analyses.lugre.reading import arrays, identify, rig_constants

@@ -15,7 +15,7 @@ from support.lugre_bench import Floor, known_rig
 
 from rigd.analysis.result import FloatArray, TrialRejection
 from rigd.analysis.validation.result import GroupValidation, ModelOutcome, pooled
-from rigd.analysis.validation.saved import SavedModel
+from rigd.analysis.validation.saved_models import SavedModel
 from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
 from rigd_analyses.lugre.trials.trial import LugreTrial
 from rigd_analyses.lugre.validation.friction import Friction

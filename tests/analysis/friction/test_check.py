@@ -9,7 +9,7 @@ import pytest
 
 from rigd.analysis.friction import FrictionLaw, LawParameter, gradient, step
 from rigd.analysis.friction.check import check_friction_law, examine_friction_law
-from rigd.analysis.friction.compiled import Gradient
+from rigd.analysis.friction.compiled_law import Gradient
 from rigd.analysis.kernel import kernel
 from rigd.analysis.result import FloatArray
 from rigd.sdk.check import NonConforming

@@ -6,8 +6,8 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from rigd.analysis.friction import installed as module
-from rigd.analysis.friction.installed import find_law, installed_laws
+from rigd.analysis.friction import registry as module
+from rigd.analysis.friction.registry import find_law, installed_laws
 from rigd.config import registry
 from rigd.config.registry import FRICTION_LAWS
 from rigd.model.errors import ConfigError

@@ -10,7 +10,7 @@ import pytest
 
 from rigd.analysis.output_error.estimator import OutputErrorFit, conclude
 from rigd.analysis.output_error.homogeneity import TrialParts, differences, homogeneity, trend
-from rigd.analysis.output_error.joint import Joint, join, left_by
+from rigd.analysis.output_error.joint_fit import Joint, join, left_by
 from rigd.analysis.output_error.score import Scores
 from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.result import FloatArray

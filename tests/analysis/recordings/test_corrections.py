@@ -19,7 +19,7 @@ from rigd.model.errors import ConfigError, DataError
 from rigd.model.rows import row_dtype
 from rigd.procedure.loader import parse_procedure
 from rigd.record import Attachment, RecordingWriter
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 from rigd_analyses.lugre.analysis import LugreAnalysis
 
 START_NS = 1_790_000_000_000_000_000

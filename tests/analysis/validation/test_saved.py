@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rigd.analysis.validation.saved import SavedModel, chosen, differing, read_models
+from rigd.analysis.validation.saved_models import SavedModel, chosen, differing, read_models
 from rigd.model.errors import ConfigError
 
 

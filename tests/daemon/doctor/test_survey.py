@@ -18,7 +18,7 @@ from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.sink import Rows
 from rigd.model.channels import STALE, Channel
 from rigd.model.rows import row_dtype
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 RIG = load_rig("lugre-1")
 STREAMS = {stream.name: stream for stream in streams_of(RIG)}

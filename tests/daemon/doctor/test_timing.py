@@ -12,7 +12,7 @@ from rigd.config.rig import Supervision
 from rigd.daemon.doctor.bare_cycle import Lateness, measure
 from rigd.daemon.doctor.check import CheckVerdict
 from rigd.daemon.doctor.timing import lateness_check, silence_check, suggested_silence_s
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 ON_TIME = Lateness(10_000, 0, 30e-6, 60e-6, 90e-6, 200e-6, 1.2e-3)
 HOLD = """\

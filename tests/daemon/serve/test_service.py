@@ -22,7 +22,7 @@ from rigd.model.severity import Severity
 from rigd.record import Recording
 from rigd.remote.protocol import ClientUser, Code, Refusal
 from rigd.remote.protocol.arguments import StartArguments
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 
 def children() -> list[int]:

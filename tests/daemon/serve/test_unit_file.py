@@ -10,7 +10,7 @@ import pytest
 from rigd.cli.main import build_parser
 from rigd.daemon.serve.upkeep.descriptors import WANTED
 from rigd.daemon.serve.upkeep.notify import SIGN_S
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 
 def settings() -> Iterator[tuple[str, str]]:

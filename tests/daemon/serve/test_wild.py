@@ -13,7 +13,7 @@ from support.served_rig import request
 from rigd.config.remote import RemoteSetup
 from rigd.remote.protocol import VERBS, ClientUser, Code, Keys, Kind, Lane, Verb
 from rigd.remote.server.dispatcher import Dispatcher
-from rigd.remote.server.refused import Refused
+from rigd.remote.server.refusal_log import Refused
 
 #: What some argument may be, and another must not.
 _ODD: tuple[Any, ...] = (

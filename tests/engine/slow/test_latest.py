@@ -14,7 +14,7 @@ from support.blocks import Counter, CounterConfig, device_of, until
 
 from rigd.engine.play.windows import Windows
 from rigd.engine.shared import RowRing
-from rigd.engine.slow.off_cycle import SlowRows
+from rigd.engine.slow.off_cycle_devices import SlowRows
 from rigd.engine.slow.stand_ins import LatestRowProxy
 from rigd.engine.slow.table import LatestTable, Slot
 from rigd.model.channels import Channel, Stream

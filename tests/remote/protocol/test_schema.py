@@ -15,7 +15,7 @@ from support.spoilt import spoilt_payloads
 
 from rigd.remote.protocol import VERBS, Kind, Refusal, decode, request_kind
 from rigd.remote.protocol.schema import remote_schema
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 VERB_ROWS = [(kind, name) for kind, table in VERBS.items() for name in table]
 DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "protocol.md"

@@ -15,7 +15,7 @@ from rigd.config.remote import RemoteSetup
 from rigd.remote.protocol import Keys
 from rigd.remote.protocol.limits import ASK_BURST, ASK_PER_S, FRESH_S
 from rigd.remote.server.dispatcher import Dispatcher
-from rigd.remote.server.refused import Refused, TooManyQuestions
+from rigd.remote.server.refusal_log import Refused, TooManyQuestions
 
 
 class Desk:

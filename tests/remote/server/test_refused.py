@@ -8,7 +8,7 @@ import pytest
 
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.status import RefusedCounts
-from rigd.remote.server.refused import Refused, TooManyQuestions
+from rigd.remote.server.refusal_log import Refused, TooManyQuestions
 
 
 def test_flood_is_counted_fully_and_logged_each_second(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rigd.model import ConfigError
-from rigd.sdk.shipped import shipped_configs
+from rigd.sdk.shipped_files import shipped_configs
 from rigd_sim.articulated.plant import ArticulatedConfig
 
 STIFF = "{stop: 100 deg, stiffness: 9e5 N m/rad, damping: 0.5 s/rad}"

@@ -14,7 +14,7 @@ from support.mechanisms import MS
 from rigd.config.loader import load_rig
 from rigd.model.errors import ConfigError, DeviceError
 from rigd.sdk.check import check_driver, check_plant
-from rigd.sdk.check.plant_bench import Device
+from rigd.sdk.check.plant.bench import Device
 from rigd_sim.mechanism.device import MechanismDevice, MechanismDeviceConfig, MechanismTruth
 from rigd_sim.mechanism.plant import MechanismConfig, MechanismPlant
 

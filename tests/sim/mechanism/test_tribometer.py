@@ -20,7 +20,7 @@ from rigd.config.loader import load_rig
 from rigd.model.channels import STALE
 from rigd.model.errors import ConfigError
 from rigd.record import Recording
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 CONFIGS = shipped_folder("configs")
 PROCEDURE = shipped_folder("procedures") / "sliding_speeds.yaml"

@@ -13,7 +13,7 @@ from rigd.analysis import ConfigError, DataError, parse_quantity, parse_unit
 from rigd.analysis.design.command import Designed, DesignRequest, Ground, Promise
 from rigd.analysis.design.optimal import DesignTarget, PossibleTest, choose, half_widths
 from rigd.analysis.result import FloatArray, IdentificationResult
-from rigd.analysis.validation.saved import SavedModel
+from rigd.analysis.validation.saved_models import SavedModel
 from rigd_analyses.lugre.design.motion import Limits, Motion, Sensors, moves, refusal
 from rigd_analyses.lugre.design.procedure import written
 from rigd_analyses.lugre.design.shapes import Kind, Shape, shapes

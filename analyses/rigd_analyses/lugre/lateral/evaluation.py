@@ -16,7 +16,7 @@ from rigd.analysis.parameters import (
 from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report import ReportSection
 from rigd.analysis.terminal import TerminalReport
-from rigd.analysis.validation.saved import read_models
+from rigd.analysis.validation.saved_models import read_models
 from rigd_analyses.lugre.lateral.reading import identify
 from rigd_analyses.lugre.lateral.report.tables import speed_error_tables
 from rigd_analyses.lugre.lateral.result import LateralResult

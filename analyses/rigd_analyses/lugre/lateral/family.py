@@ -50,7 +50,7 @@ from rigd_analyses.lugre.lateral.coupling_fit.problem import RESTS_ON, optima, s
 from rigd_analyses.lugre.lateral.extensions import candidates
 from rigd_analyses.lugre.lateral.intervals import Intervals, intervals
 from rigd_analyses.lugre.lateral.saved_friction import Carried
-from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, all_speeds, cell, lacking_force
+from rigd_analyses.lugre.lateral.speeds.errors import Cell, Speeds, all_speeds, cell, lacking_force
 from rigd_analyses.lugre.lateral.starts import starts
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.lateral.thresholds import LATERAL

@@ -28,7 +28,7 @@ from rigd.analysis.result import (
 from rigd_analyses.lugre.lateral.coupling import HEIGHT, ROW_DISTANCE, LiftedRows, loop_gain
 from rigd_analyses.lugre.lateral.family import LateralIdentification
 from rigd_analyses.lugre.lateral.intervals import Ends
-from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, Together, together
+from rigd_analyses.lugre.lateral.speeds.errors import Cell, Speeds, Together, together
 from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.rig.identification import UNEXPLAINED, WINDOW_S
 

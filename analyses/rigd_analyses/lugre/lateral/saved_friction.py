@@ -9,7 +9,7 @@ from typing import Final
 
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.output_error.system import Unknown
-from rigd.analysis.validation.saved import SavedModel, chosen, differing
+from rigd.analysis.validation.saved_models import SavedModel, chosen, differing
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO
 from rigd_analyses.lugre.validation.friction import AGAIN, POINT, friction_of
 

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.lateral.speeds import lacking_force, speeds
+from rigd_analyses.lugre.lateral.speeds.errors import lacking_force, speeds
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.model import MU_C, V_S
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rigd.analysis import DataError
-from rigd.analysis.validation.saved import SavedModel, read_models
+from rigd.analysis.validation.saved_models import SavedModel, read_models
 from rigd.computed.observers import model as observers
 from rigd.computed.observers.model import Filter, ObserverPlan
 from rigd.sdk import WrongEntries

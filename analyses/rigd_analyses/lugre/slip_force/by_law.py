@@ -11,7 +11,7 @@ from dataclasses import replace
 from rigd.analysis import ConfigError, Options
 from rigd.analysis.friction import SlipForce
 from rigd.analysis.friction.identify import SlipData, compare_laws, identify_law
-from rigd.analysis.friction.installed import find_law, installed_laws
+from rigd.analysis.friction.registry import find_law, installed_laws
 from rigd.analysis.result import IdentificationResult, ModelComparison
 from rigd_analyses.lugre.curve import RESOLVED
 from rigd_analyses.lugre.laws.lugre import Lugre, Lugre4

@@ -10,7 +10,7 @@ import numpy as np
 
 from rigd.analysis.fitting.identifiability import UNIDENTIFIABLE_LOG_SD
 from rigd.analysis.result import FloatArray
-from rigd.analysis.validation.saved import SavedModel
+from rigd.analysis.validation.saved_models import SavedModel
 from rigd_analyses.lugre.model import PARAMETERS
 
 POINT: Final = ("fit", "point")

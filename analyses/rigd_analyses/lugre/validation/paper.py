@@ -1,7 +1,7 @@
 """Lists Table II of the paper: RMS of measured minus estimated speed in its validation tests.
 
 The values are in m/s. Tables III and IV are of lateral motion: `rigd identify` of a lateral sweep
-compares with them (:mod:`rigd_analyses.lugre.lateral.published_cells`).
+compares with them (:mod:`rigd_analyses.lugre.lateral.speeds.published_cells`).
 """
 
 from __future__ import annotations

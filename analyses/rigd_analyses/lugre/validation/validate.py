@@ -9,7 +9,7 @@ from rigd.analysis.parameters import conditions
 from rigd.analysis.recordings.source import RecordedSweep, TrialInfo
 from rigd.analysis.result import TrialRejection
 from rigd.analysis.validation.result import GroupValidation, Validation
-from rigd.analysis.validation.saved import SavedModel, chosen, differing
+from rigd.analysis.validation.saved_models import SavedModel, chosen, differing
 from rigd_analyses.lugre.needs import DRIVE
 from rigd_analyses.lugre.reading import arrays, rig_constants, sort_out
 from rigd_analyses.lugre.validation.friction import friction_of

@@ -25,7 +25,7 @@ from rigd.record.mcap.wire import (
     encode,
     record_at,
 )
-from rigd.record.scan.plausible import check_record
+from rigd.record.scan.next_record import check_record
 
 
 class FileEnd(NamedTuple):

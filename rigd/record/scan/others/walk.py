@@ -30,8 +30,9 @@ from rigd.record.mcap.crc import crc32
 from rigd.record.mcap.schema import EVENTS_STREAM, EVENTS_TOPIC, EVENTS_TYPE
 from rigd.record.mcap.wire import FRAME, MAGIC, Malformed, Record, decode, record_at
 from rigd.record.scan.chunk_head import open_chunk, span_of_index, spans_of
-from rigd.record.scan.doubles import doubles
+from rigd.record.scan.duplicates import doubles
 from rigd.record.scan.findings import Damage, Piece, Scan, collect
+from rigd.record.scan.next_record import begin_of_another, ends_data
 from rigd.record.scan.others.losses import lost_rows
 from rigd.record.scan.others.parts import (
     check_other,
@@ -39,7 +40,6 @@ from rigd.record.scan.others.parts import (
     read_ending,
     with_index,
 )
-from rigd.record.scan.plausible import begin_of_another, ends_data
 from rigd.record.scan.walk import take_small
 
 #: Opcodes of the data section, each with a length below 4 GiB behind it.

@@ -17,7 +17,7 @@ from support.lugre_model import PVC, saved_model
 from rigd.analysis import ConfigError
 from rigd.analysis.output_error.system import Unknown
 from rigd.analysis.result import FitOutcome
-from rigd.analysis.validation.saved import read_models
+from rigd.analysis.validation.saved_models import read_models
 from rigd_analyses.lugre.lateral.family import find_lateral
 from rigd_analyses.lugre.lateral.result import result
 from rigd_analyses.lugre.lateral.saved_friction import Carried, carried

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
 
-from rigd_analyses.lugre.lateral.published_cells import TABLES
-from rigd_analyses.lugre.lateral.speeds import cell, speeds, together
+from rigd_analyses.lugre.lateral.speeds.errors import cell, speeds, together
+from rigd_analyses.lugre.lateral.speeds.published_cells import TABLES
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.system import LEAD, RigSystem, driven_trial

@@ -16,7 +16,7 @@ from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralTrial
 from rigd_analyses.lugre.lateral.coupling_fit.loads import FreeLoads
 from rigd_analyses.lugre.lateral.family import ITERATIONS
-from rigd_analyses.lugre.lateral.speeds import cell, lacking_force, speeds
+from rigd_analyses.lugre.lateral.speeds.errors import cell, lacking_force, speeds
 from rigd_analyses.lugre.lateral.starts import starts
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.trials.known_constants import RigConstants

@@ -13,7 +13,7 @@ from rigd.computed.observers.driver import ObserverConfig
 from rigd.config.loader import parse_rig
 from rigd.engine.cycle.wiring import streams_of
 from rigd.model import ConfigError
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped_files import shipped_folder
 
 TEXT = (shipped_folder("configs") / "sim_lugre.yaml").read_text("utf-8")
 PLANT = (shipped_folder("configs") / "plants" / "lugre.yaml").read_text("utf-8")

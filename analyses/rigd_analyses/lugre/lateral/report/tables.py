@@ -8,7 +8,7 @@ import numpy as np
 
 from rigd.analysis.terminal import Column, TableRow, TerminalTable
 from rigd_analyses.lugre.lateral.result import LateralResult
-from rigd_analyses.lugre.lateral.speeds import Cell
+from rigd_analyses.lugre.lateral.speeds.errors import Cell
 
 NONE = "–"
 

@@ -10,7 +10,7 @@ from typing import Final
 
 from rigd.config.problems import suggest
 from rigd.model.errors import ConfigError
-from rigd.sdk.shipped import Kind, shipped_folder
+from rigd.sdk.shipped_files import Kind, shipped_folder
 
 _KEYS: Final = {"configs": "rig", "maps": "map", "procedures": "procedure"}
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.sdk.check.plant_bench import (
+from rigd.sdk.check.plant.bench import (
     CYCLES,
     Commands,
     PlantBench,
@@ -18,7 +18,7 @@ from rigd.sdk.check.plant_bench import (
     mirrored,
     strong,
 )
-from rigd.sdk.check.plant_rules import (
+from rigd.sdk.check.plant.rules import (
     ALTERED,
     PlantRule,
     needs_devices,

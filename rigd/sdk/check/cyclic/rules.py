@@ -2,8 +2,8 @@
 
 A fast driver is called by the cycle itself (one turn of the control loop: read, check, play, limit,
 write). So it must, for example, never wait for an answer and never invent a row. ``RULES`` lists
-every rule: sequences of calls with a healthy device (:mod:`rigd.sdk.check.fast`), and here what
-shows itself with a device that has a fault.
+every rule: sequences of calls with a healthy device (:mod:`rigd.sdk.check.cyclic.sequences`), and
+here what shows itself with a device that has a fault.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from functools import partial
 from typing import Final
 
 from rigd.sdk.check.caller import OPEN_S, RECEIVES, TAIL_S, hearing
-from rigd.sdk.check.cycle_bench import SAFE_S, Bench, bench, far
-from rigd.sdk.check.drawn import counted_s, intervals, too_often
-from rigd.sdk.check.fast import any_order, near
+from rigd.sdk.check.cyclic.bench import SAFE_S, Bench, bench, far
+from rigd.sdk.check.cyclic.sequences import any_order, near
+from rigd.sdk.check.drawn_options import counted_s, intervals, too_often
 from rigd.sdk.check.leaks import kept_for_good
 from rigd.sdk.check.rows import row_problems
 from rigd.sdk.check.sequences import StepFailed, expect

@@ -19,10 +19,10 @@ import numpy as np
 from pydantic import BaseModel
 
 from rigd.model.units import format_quantity
-from rigd.sdk.check.declared import unread
-from rigd.sdk.check.plant_bench import CYCLE_NS, PlantBench, PlantSubject, Played, gentle
-from rigd.sdk.check.plant_physics import unbalanced
-from rigd.sdk.check.plant_rules import PlantRule, changes_of, needs_devices, needs_truth
+from rigd.sdk.check.declaration_rules import unread
+from rigd.sdk.check.plant.bench import CYCLE_NS, PlantBench, PlantSubject, Played, gentle
+from rigd.sdk.check.plant.physics import unbalanced
+from rigd.sdk.check.plant.rules import PlantRule, changes_of, needs_devices, needs_truth
 from rigd.sdk.driver import Driver
 from rigd.sdk.parameters import ParametersConfig
 

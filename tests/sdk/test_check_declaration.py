@@ -19,7 +19,7 @@ from support.memory_wire import assert_found, each_mistake
 
 from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In, LinkError, Row
 from rigd.sdk.check import NonConforming, Peer, check_driver, examine_driver
-from rigd.sdk.check import declared as declared_rules
+from rigd.sdk.check import declaration_rules as declared_rules
 
 # One bad driver for each rule: each is good but for one mistake.
 

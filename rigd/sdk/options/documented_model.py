@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, GetJsonSchemaH
 from pydantic_core import CoreSchema
 
 from rigd.model.errors import RigdError
-from rigd.sdk.options.written import accept_text
+from rigd.sdk.options.text_numbers import accept_text
 
 
 class WrongEntries(ValueError):

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from time import monotonic
 from typing import Final
 
+from rigd.panel.login.session_store import SessionStore, StoredSession
 from rigd.panel.messages import Role
-from rigd.panel.session_store import SessionStore, StoredSession
 from rigd.remote.rates import Bucket
 
 #: How long a code opens a session, in s.

@@ -19,9 +19,9 @@ from functools import partial
 from typing import Any, Final
 
 from rigd.sdk.check.caller import CLOSES_S, OPEN_S, TAIL_S, Caller, CallOutcome
-from rigd.sdk.check.cycle_bench import clipped, rest
-from rigd.sdk.check.drawn import counted_s, intervals, too_often
-from rigd.sdk.check.fast import Setpoints, near, stays_put
+from rigd.sdk.check.cyclic.bench import clipped, rest
+from rigd.sdk.check.cyclic.sequences import Setpoints, near, stays_put
+from rigd.sdk.check.drawn_options import counted_s, intervals, too_often
 from rigd.sdk.check.leaks import OpenedItem, nothing_left, opens
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import Matching, drawn_values, row_problems

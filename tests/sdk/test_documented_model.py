@@ -3,7 +3,7 @@
 from pydantic import Field, create_model
 
 from rigd.sdk import Documented
-from rigd.sdk.options.documented import description
+from rigd.sdk.options.documented_model import description
 
 
 class Port(Documented):

@@ -8,10 +8,10 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from rigd.sdk.check.plant_bench import Device, PlantSubject
-from rigd.sdk.check.plant_physics import RULES
-from rigd.sdk.check.plant_rules import CLASS_RULES, CONSTRUCTOR, PLANT_RULES
-from rigd.sdk.check.plant_sequences import RULES as SEQUENCES
+from rigd.sdk.check.plant.bench import Device, PlantSubject
+from rigd.sdk.check.plant.physics import RULES
+from rigd.sdk.check.plant.rules import CLASS_RULES, CONSTRUCTOR, PLANT_RULES
+from rigd.sdk.check.plant.sequences import RULES as SEQUENCES
 from rigd.sdk.check.report import NonConforming, Report, examine
 from rigd.sdk.plant import Plant
 

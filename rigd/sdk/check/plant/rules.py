@@ -18,8 +18,8 @@ from pydantic import ValidationError
 
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.units import format_quantity, parse_quantity, parse_unit
-from rigd.sdk.check.declared import NAME, bare, lenient, title_problems, undocumented
-from rigd.sdk.check.plant_bench import (
+from rigd.sdk.check.declaration_rules import NAME, bare, lenient, title_problems, undocumented
+from rigd.sdk.check.plant.bench import (
     CYCLES,
     Commands,
     PlantBench,

@@ -12,7 +12,7 @@ from rigd.analysis.output_error.augmented_system import own_parameters
 from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.lateral.constants import LateralTrial
-from rigd_analyses.lugre.lateral.published_cells import Published, published
+from rigd_analyses.lugre.lateral.speeds.published_cells import Published, published
 from rigd_analyses.lugre.lateral.system import LateralSystem
 from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.rig.outputs import TRAVEL

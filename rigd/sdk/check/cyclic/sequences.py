@@ -21,7 +21,7 @@ from typing import Final
 from rigd.model.channels import Channel
 from rigd.model.errors import DeviceError
 from rigd.sdk.check.caller import OPEN_S, Caller, CallOutcome
-from rigd.sdk.check.cycle_bench import (
+from rigd.sdk.check.cyclic.bench import (
     AGE_S,
     PERIOD_S,
     Bench,

@@ -1,0 +1,1 @@
+"""Compares measured with modelled speeds of the carriage, beside those of the paper."""

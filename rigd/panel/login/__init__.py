@@ -1,0 +1,1 @@
+"""Logs users in to the panel, and keeps their sessions."""

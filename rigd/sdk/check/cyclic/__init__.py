@@ -1,0 +1,1 @@
+"""Checks drivers that the control cycle calls in each cycle."""

@@ -1,0 +1,1 @@
+"""Checks plants: their declarations, time, noise and physics."""
