@@ -260,3 +260,17 @@ def test_certificates_of_rig_are_opened(tmp_path: Path, capsys: pytest.CaptureFi
     assert code == 2
     assert "rigd.crt is no certificate in PEM" in err
     assert "root" not in err.replace(str(tmp_path), "")
+
+
+def test_wrong_plant_file_makes_a_procedure_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    configs = shipped_folder("configs")
+    plant = (configs / "plants" / "lugre.yaml").read_text("utf-8")
+    (tmp_path / "mine.yaml").write_text(plant.replace("radius: 50 mm", "radius: 50 kg", 1))
+    rig = (configs / "sim_lugre.yaml").read_text("utf-8")
+    (tmp_path / "rig.yaml").write_text(rig.replace("plants/lugre.yaml", "mine.yaml"))
+    code, _, err = check(QUICK, "--rig", str(tmp_path / "rig.yaml"), capsys=capsys)
+    assert code == 2
+    assert "mine.yaml:" in err
+    assert "50 kg" in err

@@ -214,10 +214,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         return f"specimen {specimen.name}, {len(specimen.fields)} entries: right{_texts(specimen)}"
     if kind == "rig":
         checked = load_rig(given)
-        if checked.lab is not None:
-            load_lab(checked.lab)
-        if checked.plant is not None:
-            checked.plant.config.files()
+        _read_named_files(checked)
         sibling = f"{_certificates_text(checked)}{_sibling_text(checked)}"
         channels = sum(len(device.channels) for device in checked.devices.values())
         devices = sum(
@@ -241,6 +238,20 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         )
         return f"{', '.join(parts)}: right{sibling}{free}"
     return _check_procedure(given, rig)
+
+
+def _read_named_files(rig: RigConfig) -> None:
+    """Read what a rig file names and a run reads: its lab, the parameters of its plant.
+
+    Raises:
+        ConfigError: one of these files is wrong.
+    """
+    from rigd.config.lab.lab import load_lab
+
+    if rig.lab is not None:
+        load_lab(rig.lab)
+    if rig.plant is not None:
+        rig.plant.config.files()
 
 
 def _texts(specimen: Specimen) -> str:
@@ -304,6 +315,7 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
     from rigd.analysis.plan import analysis_of, judged, not_given
     from rigd.config.checks.following import unseen_levels
 
+    _read_named_files(rig)
     compiled = judged(procedure, rig)
     left_out = ""
     if compiled.identify is not None:
