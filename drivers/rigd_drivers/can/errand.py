@@ -151,14 +151,15 @@ def until(entry: Entry, is_right: Callable[[int], bool], timeout_s: float, what:
     """Read ``entry`` until its value is right; return that value.
 
     Raises:
-        DeviceError: it is not after ``timeout_s``; ``what`` begins the sentence.
+        DeviceError: it is not when asked after ``timeout_s``; ``what`` begins the sentence.
 
     """
     deadline_ns = time.monotonic_ns() + round(timeout_s * 1e9)
     while True:
+        asked_ns = time.monotonic_ns()  # a reading from before a stall of this computer is old
         value = yield Read(entry)
         if is_right(value):
             return value
-        if time.monotonic_ns() > deadline_ns:
+        if asked_ns > deadline_ns:
             raise DeviceError(f"{what}: object {entry} is {value} after {timeout_s:g} s")
         yield Pause()

@@ -136,8 +136,11 @@ class Node:
         self.state = None
         deadline_ns = time.monotonic_ns() + round(_START_S * 1e9)
         self.order(nmt.Command.START)
-        while not self.bus.wait(lambda: self.state is nmt.State.OPERATIONAL, _START_AGAIN_S):
-            if time.monotonic_ns() > deadline_ns:
+        while True:
+            asked_ns = time.monotonic_ns()
+            if self.bus.wait(lambda: self.state is nmt.State.OPERATIONAL, _START_AGAIN_S):
+                break
+            if asked_ns > deadline_ns:
                 raise ProtocolError(
                     f"{self} is not operational {_START_S:g} s after the command: {self._shown()}"
                     f"{self._errors()}",

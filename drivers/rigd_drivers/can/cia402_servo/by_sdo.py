@@ -39,13 +39,19 @@ def state(node: Node) -> DriveState:
 
 
 def reached(node: Node, states: Collection[DriveState], timeout_s: float) -> bool:
-    """Wait until the drive is in one of ``states``; return whether it is, at most ``timeout_s``."""
+    """Wait until the drive is in one of ``states``; return whether it is.
+
+    It waits at most ``timeout_s``, and does not give up before an answer that was asked for after
+    that: this computer may have stood still.
+    """
     deadline = time.monotonic() + timeout_s
-    while state(node) not in states:
-        if time.monotonic() > deadline:
+    while True:
+        asked_s = time.monotonic()
+        if state(node) in states:
+            return True
+        if asked_s > deadline:
             return False
         node.bus.wait(lambda: False, LOOK_S)
-    return True
 
 
 def reports_silence(node: Node) -> bool:
@@ -94,8 +100,11 @@ def set_mode(node: Node, mode: Mode) -> None:
         )
     node.write(objects.MODE, mode)
     deadline = time.monotonic() + _STEP_S
-    while (shown := node.read(objects.MODE_DISPLAY)) != mode:
-        if time.monotonic() > deadline:
+    while True:
+        asked_s = time.monotonic()
+        if (shown := node.read(objects.MODE_DISPLAY)) == mode:
+            return
+        if asked_s > deadline:
             raise ProtocolError(f"{node} shows mode {shown} (object 6061), commanded was {mode:d}")
         node.bus.wait(lambda: False, LOOK_S)
 

@@ -98,15 +98,17 @@ class Homing:
 
     def _enable(self, node: Node) -> Part:
         enabling = cia402.Enabling()
-        deadline_ns = time.monotonic_ns() + _ENABLE_NS
+        asked_ns = time.monotonic_ns()
+        deadline_ns = asked_ns + _ENABLE_NS
         while (state := cia402.state_of(self.shown)) is not DriveState.ENABLED:
-            if time.monotonic_ns() > deadline_ns:
+            if asked_ns > deadline_ns:
                 raise DeviceError(
                     f"{node} is not enabled for homing: {state.value} "
                     f"(statusword 0x{self.shown:04X})",
                     hint=NOT_ENABLED,
                 )
             self.word = enabling.next(self.shown)
+            asked_ns = time.monotonic_ns()
             yield Pause()
         return self.shown
 
@@ -115,6 +117,7 @@ class Homing:
         self.word = cia402.ENABLE | cia402.START_HOMING
         deadline_ns = time.monotonic_ns() + _HOME_NS
         while True:
+            asked_ns = time.monotonic_ns()
             yield Pause()
             if self.shown & cia402.HOMING_ERROR:
                 raise DeviceError(
@@ -125,7 +128,7 @@ class Homing:
             count = yield Read(objects.POSITION)
             if self.shown & cia402.HOMED and nearer(count, 0, before, span):
                 return count
-            if time.monotonic_ns() > deadline_ns:
+            if asked_ns > deadline_ns:
                 raise DeviceError(
                     f"{node} is not homed after {_HOME_NS * 1e-9:g} s: its position is {count}, "
                     f"before {before} (statusword 0x{self.shown:04X})",

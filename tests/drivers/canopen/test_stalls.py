@@ -1,0 +1,89 @@
+"""What was read before this computer stood still is not held against a drive."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rigd.sdk import DeviceError, ProtocolError
+from rigd_drivers.can.canopen import objects
+from rigd_drivers.can.canopen.cia402 import DriveState, Mode
+from rigd_drivers.can.cia402_servo import by_sdo
+from rigd_drivers.can.errand import Pause, Read, until
+
+#: Statuswords of CiA 402 (6041h).
+DISABLED, READY = 0x0250, 0x0231
+STALL_S = 60.0
+
+
+@pytest.fixture
+def stall(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Return what lets this computer stand still for a minute."""
+    now, now_ns, ahead = time.monotonic, time.monotonic_ns, [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now() + ahead[0])
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns() + round(ahead[0] * 1e9))
+    return lambda: ahead.append(ahead.pop() + STALL_S)
+
+
+class Node:
+    """A drive that obeys after the first reading, behind which this computer stands still."""
+
+    def __init__(self, first: int, later: int, stall: Callable[[], None]) -> None:
+        self._answers = self._give(first, later, stall)
+        self.bus = SimpleNamespace(wait=lambda condition, timeout_s: False)
+        self.written: list[tuple[Any, int]] = []
+
+    @staticmethod
+    def _give(first: int, later: int, stall: Callable[[], None]) -> Iterator[int]:
+        stall()
+        yield first
+        while True:
+            yield later
+
+    def read(self, entry: Any) -> int:
+        return (
+            1 << (Mode.CYCLIC_TORQUE - 1)
+            if entry == objects.SUPPORTED_MODES
+            else next(self._answers)
+        )
+
+    def write(self, entry: Any, value: int) -> None:
+        self.written.append((entry, value))
+
+
+def reached(node: Any) -> bool:
+    return by_sdo.reached(node, (DriveState.READY,), 0.5)
+
+
+def test_state_after_a_stall_is_read_anew(stall: Callable[[], None]) -> None:
+    assert reached(Node(DISABLED, READY, stall))
+
+
+def test_drive_that_stays_disabled_is_not_waited_for(stall: Callable[[], None]) -> None:
+    assert not reached(Node(DISABLED, DISABLED, stall))
+
+
+def test_mode_after_a_stall_is_read_anew(stall: Callable[[], None]) -> None:
+    drive: Any = Node(Mode.PROFILE_VELOCITY, Mode.CYCLIC_TORQUE, stall)
+    by_sdo.set_mode(drive, Mode.CYCLIC_TORQUE)
+    assert drive.written == [(objects.MODE, Mode.CYCLIC_TORQUE)]
+
+
+def test_mode_that_stays_is_refused_after_a_stall(stall: Callable[[], None]) -> None:
+    drive: Any = Node(Mode.PROFILE_VELOCITY, Mode.PROFILE_VELOCITY, stall)
+    with pytest.raises(ProtocolError, match="shows mode"):
+        by_sdo.set_mode(drive, Mode.CYCLIC_TORQUE)
+
+
+def test_errand_reads_once_more_after_a_stall(stall: Callable[[], None]) -> None:
+    errand = until(objects.POSITION, lambda count: count == 0, 0.5, "it is not zero")
+    assert isinstance(next(errand), Read)
+    stall()
+    assert isinstance(errand.send(7), Pause)
+    assert isinstance(next(errand), Read)
+    with pytest.raises(DeviceError, match="is 7 after"):
+        errand.send(7)
