@@ -33,7 +33,7 @@ from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.live.foxglove import FoxgloveServer
 from rigd.engine.cycle.wiring import streams_of
-from rigd.engine.rates import most_rows_hz
+from rigd.engine.row_rates import most_rows_hz
 from rigd.engine.shared import Job, RunFolder, Word
 from rigd.remote.protocol import RigEvent
 from rigd.remote.protocol.frame import HEADER

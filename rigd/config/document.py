@@ -1,4 +1,4 @@
-"""The reader of all YAML that rigd opens, which stands in the SDK: plants have files too."""
+"""The reader of all YAML that rigd opens; it stands in the SDK, as plants have files too."""
 
 from rigd.sdk.yaml.document import (
     MAX_BYTES,

@@ -17,7 +17,7 @@ from rigd.analysis.report.rounding import number, places_for
 from rigd.config.calibration.calibration import CalibratedValue, Calibration, load_calibration
 from rigd.config.calibration.calibration_file import renewed, write_calibration
 from rigd.config.rig import RigConfig
-from rigd.daemon.calibration import instrument_of
+from rigd.daemon.calibration_check import instrument_of
 from rigd.model.errors import ConfigError, DataError
 from rigd.record import Recording, RunInfo
 from rigd.record.read.info import COMPLETE

@@ -18,7 +18,7 @@ from rigd.config.calibration.calibration import ATTACHMENT
 from rigd.config.lab.lab import SPECIMEN_FILE, Specimen, stated_specimen
 from rigd.config.rig import RigConfig
 from rigd.config.shipped_files import titled
-from rigd.daemon.calibration import calibration_metadata, exchanged, needed, unusable
+from rigd.daemon.calibration_check import calibration_metadata, exchanged, needed, unusable
 from rigd.daemon.forms import RecordingSpec, RunSetup, in_process, processes
 from rigd.daemon.provenance import run_metadata
 from rigd.daemon.resume import ResumePoint, simulated_at

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rigd.config.rig import RigConfig
-from rigd.daemon.calibration import needed, unusable
+from rigd.daemon.calibration_check import needed, unusable
 from rigd.daemon.execute import day_of
 from rigd.dry_run import DryRunResult, dry_run
 from rigd.procedure.program import CompiledProcedure

@@ -21,7 +21,7 @@ from rigd.panel.login.sessions import Sessions
 from rigd.panel.rig import Rig
 from rigd.panel.routes import PanelApi
 from rigd.panel.stop_line import StopLine
-from rigd.remote.rates import BucketByClient
+from rigd.remote.request_rates import BucketByClient
 
 STATIC: Final = Path(__file__).parent / "static"
 #: Attempts to log in, of all clients together.

@@ -18,7 +18,7 @@ from rigd.panel.login.sessions import Session
 from rigd.panel.outbox import Outbox
 from rigd.panel.routes import PanelApi
 from rigd.remote.protocol.limits import MAX_FRAME_POINTS
-from rigd.remote.rates import Bucket
+from rigd.remote.request_rates import Bucket
 
 #: Close codes of our own (4000 to 4999 are free for applications, RFC 6455, section 7.4.2).
 NO_SESSION: Final = 4401

@@ -19,7 +19,7 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
-from rigd.remote.rates import BucketByClient
+from rigd.remote.request_rates import BucketByClient
 
 #: The header of every request except a plain read.
 OWN_HEADER: Final = "x-rigd"

@@ -11,7 +11,7 @@ R = TypeVar("R")
 
 
 class Rig(Protocol):
-    """A rig on the network; :class:`rigd.remote.client.Connection` is one."""
+    """A rig on the network; :class:`rigd.remote.client.connection.Connection` is one."""
 
     @property
     def rig(self) -> str:

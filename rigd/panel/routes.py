@@ -29,7 +29,7 @@ from rigd.panel.messages import (
 from rigd.panel.rig import Rig
 from rigd.remote.protocol import VERBS, Code, Kind, Message, Refusal, as_json
 from rigd.remote.protocol.results import Nothing, Stopped
-from rigd.remote.rates import BucketByClient
+from rigd.remote.request_rates import BucketByClient
 
 
 async def _while_connected(request: Request, asking: Coroutine[Any, Any, Message]) -> Message:

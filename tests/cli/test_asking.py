@@ -23,7 +23,10 @@ from rigd.cli.asking import ask
 
 SOURCES = Path(__file__).resolve().parents[2] / "rigd"
 #: The spare panel waits for a line of its daemon, on a pipe; `rigd new rig` reads answers from one.
-NOT_TYPED = ["cli/rig/panel.py: sys.stdin.readline", "cli/new_rig/questions.py: sys.stdin.readline"]
+NOT_TYPED = [
+    "cli/rig/panel.py: sys.stdin.readline",
+    "cli/plugins/new_rig/questions.py: sys.stdin.readline",
+]
 READS = re.compile(r"input$|getpass\.getpass$|sys\.stdin\.(?!isatty$|fileno$)")
 
 

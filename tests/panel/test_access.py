@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from rigd.model.errors import ConfigError
 from rigd.panel.login import sessions
 from rigd.panel.server import Listen
-from rigd.remote.rates import Bucket
+from rigd.remote.request_rates import Bucket
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from rigd.panel.login.session_store import SessionStore
 from rigd.panel.login.sessions import CODE_S, IDLE_S, MOST_CODES, MOST_SESSIONS, Sessions
 from rigd.panel.messages import Role
-from rigd.remote.rates import MOST_CLIENTS, Bucket, BucketByClient
+from rigd.remote.request_rates import MOST_CLIENTS, Bucket, BucketByClient
 
 
 class Clock:

@@ -14,7 +14,7 @@ import pytest
 from support.panel import ServedPanel, Visitor
 
 from rigd.panel import guard
-from rigd.remote.rates import Bucket
+from rigd.remote.request_rates import Bucket
 
 GETS = ("/", "/static/js/main.js", "/api/session", "/api/run/x/report", "/api/run/x/recording")
 POSTS = (

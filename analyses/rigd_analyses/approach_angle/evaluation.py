@@ -16,13 +16,13 @@ from rigd.analysis.terminal import TerminalReport
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
 from rigd_analyses.approach_angle.paper.settings import PaperSettings
+from rigd_analyses.approach_angle.raw.good_run_limits import Limits
 from rigd_analyses.approach_angle.raw.known_quantities import (
     Calibrated,
     angle_calibration,
     angle_rig,
     calibration_of,
 )
-from rigd_analyses.approach_angle.raw.limits import Limits
 from rigd_analyses.approach_angle.raw.run_data import KnownRun, SetReference
 from rigd_analyses.approach_angle.raw.runs import find_signals, read_run, telling_attempts
 from rigd_analyses.approach_angle.report.opening import campaign_opening

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.raw.flags import REST_S, whole
-from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.good_run_limits import Limits
 from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRun,

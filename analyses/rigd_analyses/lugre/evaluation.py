@@ -17,7 +17,7 @@ from rigd.analysis.parameters import (
 from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.report import ReferenceCurve
 from rigd.analysis.result import IdentificationResult
-from rigd_analyses.lugre.joint_fit import check_joint, identify_together, masses
+from rigd_analyses.lugre.joint_floors import check_joint, identify_together, masses
 from rigd_analyses.lugre.reading import first_fit, identify
 
 

@@ -25,7 +25,7 @@ from rigd.analysis.result import (
 from rigd_analyses.lugre.model import friction
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, PROFILED, TOTAL_DAMPING
 from rigd_analyses.lugre.rig.family import RigFit
-from rigd_analyses.lugre.rig.identification import FRICTION, HEIGHT
+from rigd_analyses.lugre.rig.standard_errors import FRICTION, HEIGHT
 
 QUANTITIES = {item.name: item for item in (*PROFILED, *BY_COVARIANCE, TOTAL_DAMPING, HEIGHT)}
 HINT = "`--method output-error` gives its numbers."

@@ -8,6 +8,6 @@ The modules, from the lowest level to the highest:
 * ``transport`` connects to a socket or a serial port;
 * ``client`` combines exchange and transport, waiting or not.
 
-``pdu``, ``framing`` and ``exchange`` do no I/O. ``registers`` and ``maps`` describe which value is
-at which address of a device.
+``pdu``, ``framing`` and ``exchange`` do no I/O. ``registers`` and ``servo_map`` define how a map of
+a device states which value is at which address; the maps are files of ``rigd_drivers/maps``.
 """

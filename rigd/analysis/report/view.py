@@ -1,7 +1,6 @@
 """Builds the content of the report page: converts results to rows, sentences and drawings.
 
-Importing this module imports matplotlib. :mod:`rigd.analysis.report.render` imports this module
-only when a report is requested.
+This module imports matplotlib, so it is imported only when a report is requested.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ class Memory:
 
         A compiled function takes 0.1 us for each array that it is given, and a filter has twenty to
         thirty. Returns the integers, the floats, and where each table of floats begins: ``given``,
-        ``held``, ``row``, then ``own``; see :func:`rigd.computed.observers.kernel.whole_times` and
+        ``held``, ``row``, then ``own``; see :func:`rigd.computed.observers.kernel.cut_times` and
         :func:`rigd.computed.observers.kernel.cut`.
         """
         count = len(self.given)

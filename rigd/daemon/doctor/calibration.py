@@ -7,7 +7,7 @@ from datetime import date
 from typing import Final
 
 from rigd.config.rig import RigConfig
-from rigd.daemon.calibration import unusable
+from rigd.daemon.calibration_check import unusable
 from rigd.daemon.doctor.check import Check, CheckVerdict
 
 _NAME: Final = "calibration"

@@ -18,7 +18,7 @@ from rigd.daemon.forms import RING_S
 from rigd.daemon.signals import handle_signals
 from rigd.engine.cycle.wiring import streams_of
 from rigd.engine.play.control import Control
-from rigd.engine.rates import most_rows_hz, ring_rows
+from rigd.engine.row_rates import most_rows_hz, ring_rows
 from rigd.model.rows import row_struct
 
 

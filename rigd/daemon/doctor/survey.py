@@ -19,7 +19,7 @@ from rigd.daemon.doctor.statistics import Statistics
 from rigd.daemon.doctor.timing import lateness_check, silence_check
 from rigd.engine.cycle.mount import CYCLE_STREAM
 from rigd.engine.cycle.wiring import in_cycle
-from rigd.engine.rates import most_rows_hz
+from rigd.engine.row_rates import most_rows_hz
 from rigd.engine.sink import Rows
 from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.model.rows import TIME_FIELD

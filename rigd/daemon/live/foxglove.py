@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 from rigd.config.rig import RigConfig
 from rigd.engine.cycle.wiring import streams_of
-from rigd.engine.rates import most_rows_hz
+from rigd.engine.row_rates import most_rows_hz
 from rigd.engine.sink import Rows
 from rigd.model.channels import Stream
 from rigd.model.errors import ConfigError, LinkError

@@ -12,7 +12,7 @@ from rigd.config.rig import RigConfig
 from rigd.daemon.live.stream import LiveStream
 from rigd.daemon.manual import actions_of
 from rigd.engine.cycle.wiring import streams_of
-from rigd.engine.rates import most_rows_hz
+from rigd.engine.row_rates import most_rows_hz
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import ConfigError
 from rigd.model.limits import Interlock

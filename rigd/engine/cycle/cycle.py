@@ -25,11 +25,11 @@ from rigd.engine.cycle.mount import MountedRig
 from rigd.engine.cycle.places import DevicePlaces
 from rigd.engine.cycle.resting import Resting
 from rigd.engine.cycle.rows import CycleRows, RingSink
+from rigd.engine.play.conditions import Taken
 from rigd.engine.play.control import Control
 from rigd.engine.play.holding import HoldPhase
 from rigd.engine.play.interlocks import InterlockBank, Trip
 from rigd.engine.play.player import Outcome, Player
-from rigd.engine.play.watch import Taken
 from rigd.engine.play.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity

@@ -9,7 +9,7 @@ from rigd.computed.driver import Computed
 from rigd.engine.cycle.block_rows import BlockRecorder, BlockSink
 from rigd.engine.cycle.mount import CYCLE_STREAM, MountedRig
 from rigd.engine.cycle.plant_blocks import PlantBlocks
-from rigd.engine.play.watch import Taken
+from rigd.engine.play.conditions import Taken
 from rigd.engine.play.windows import RecordWindows, Windows
 from rigd.engine.shared import RowRing
 from rigd.model.channels import STALE, Stream

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from rigd.computed.controllers.chain import through
+from rigd.engine.play.conditions import Taken, Watches
 from rigd.engine.play.holding import Holding, HoldPhase
 from rigd.engine.play.interlocks import Trip
-from rigd.engine.play.watch import Taken, Watches
 from rigd.model.severity import Severity, WayOut, way_out
 from rigd.procedure.conditions.condition_text import describe_left, describe_values
 from rigd.procedure.profiles.profiles import ConstantProfile, Profile

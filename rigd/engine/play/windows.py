@@ -14,7 +14,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.engine.play.watch import Taken, Watches
+from rigd.engine.play.conditions import Taken, Watches
 from rigd.model.errors import DeviceError
 from rigd.procedure.program import Recorded
 

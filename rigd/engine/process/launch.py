@@ -13,7 +13,7 @@ from rigd.config.rig import RigConfig
 from rigd.engine.cycle.wiring import evaluator_of
 from rigd.engine.play.control import Control
 from rigd.engine.process.process_host import ProcessHost, Watched
-from rigd.engine.rates import ring_rows
+from rigd.engine.row_rates import ring_rows
 from rigd.engine.shared import Job, RunFolder, Word
 from rigd.engine.slow.off_cycle_devices import OffCycleDevices
 from rigd.procedure.program import Recorded

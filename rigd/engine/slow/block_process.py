@@ -1,8 +1,9 @@
 """Runs one block device (its library returns blocks of rows) in a helper process.
 
-The device's library may block in this process. :class:`~rigd.engine.slow.BlockHelper` starts
-``python -m rigd.engine.slow.block_process FD`` with one end of a socket. The helper process ends
-when the other end of the socket is closed: on purpose by the daemon, or because the daemon died.
+The device's library may block in this process. :class:`~rigd.engine.slow.block_helper.BlockHelper`
+starts ``python -m rigd.engine.slow.block_process FD`` with one end of a socket. The helper process
+ends when the other end of the socket is closed: on purpose by the daemon, or because the daemon
+died.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from typing import Final
 
 from rigd.panel.login.session_store import SessionStore, StoredSession
 from rigd.panel.messages import Role
-from rigd.remote.rates import Bucket
+from rigd.remote.request_rates import Bucket
 
 #: How long a code opens a session, in s.
 CODE_S: Final = 15 * 60.0

@@ -47,7 +47,7 @@ from rigd.remote.protocol.arguments import ReasonArguments
 from rigd.remote.protocol.limits import ASK_BURST, ASK_PER_S, MAX_REQUEST_BYTES
 from rigd.remote.protocol.message import check_size
 from rigd.remote.protocol.verbs import PATIENCE_S
-from rigd.remote.rates import BucketByClient
+from rigd.remote.request_rates import BucketByClient
 from rigd.remote.server.lease import Lease
 from rigd.remote.server.refusal_log import Refused, TooManyQuestions
 from rigd.remote.server.requests import Requests, StoredReply

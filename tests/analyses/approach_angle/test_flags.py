@@ -13,7 +13,7 @@ import pytest
 from rigd_analyses.approach_angle.paper import analyse_paper
 from rigd_analyses.approach_angle.raw import flags
 from rigd_analyses.approach_angle.raw.flags import raw_flags, whole
-from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.good_run_limits import Limits
 from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRig,

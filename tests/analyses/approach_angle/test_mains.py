@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rigd_analyses.approach_angle.mains import without_mains
-from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.good_run_limits import Limits
 from rigd_analyses.approach_angle.raw.run_data import AngleCalibration, AngleRun, FloatArray, Known
 
 CALIBRATION = AngleCalibration(torque=Known(2.03), wheel=Known(12.57), platform=Known(0.1885))

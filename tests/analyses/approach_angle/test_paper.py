@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rigd_analyses.approach_angle.paper import Ends, PaperRun, PaperSettings, analyse_paper
-from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.good_run_limits import Limits
 from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRig,

@@ -23,7 +23,7 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped_files import shipped_folder
 from rigd_analyses.lugre.conclusion import conclude_group
-from rigd_analyses.lugre.joint_fit import check_joint, identify_together
+from rigd_analyses.lugre.joint_floors import check_joint, identify_together
 from rigd_analyses.lugre.rig.family import RigFit, fit_group
 from rigd_analyses.lugre.rig.system import OF_THE_RIG
 from rigd_analyses.lugre.trials.known_constants import Known

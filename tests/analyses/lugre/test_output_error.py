@@ -37,10 +37,10 @@ from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.current import simulated_current
 from rigd_analyses.lugre.rig.estimates import estimates
 from rigd_analyses.lugre.rig.family import RigFit, fit_group, rig_system, with_intervals
-from rigd_analyses.lugre.rig.identification import HEIGHT, Beside, RigIdentification, beside
 from rigd_analyses.lugre.rig.parts import free_part, rows_used, sort_out
 from rigd_analyses.lugre.rig.result import result
 from rigd_analyses.lugre.rig.ridge import effect_shown
+from rigd_analyses.lugre.rig.standard_errors import HEIGHT, Beside, RigIdentification, beside
 from rigd_analyses.lugre.rig.system import MASS
 from rigd_analyses.lugre.slip_force.identify import Settings
 from rigd_analyses.lugre.trials.known_constants import Known

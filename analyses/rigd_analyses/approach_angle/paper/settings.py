@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.good_run_limits import Limits
 
 
 class Ends(Enum):

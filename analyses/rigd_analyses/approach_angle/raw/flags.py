@@ -48,7 +48,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.recordings.noise import white_noise
-from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.good_run_limits import Limits
 from rigd_analyses.approach_angle.raw.load_flags import load_flags
 from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rigd_analyses.approach_angle.raw.limits import Limits
+from rigd_analyses.approach_angle.raw.good_run_limits import Limits
 from rigd_analyses.approach_angle.raw.run_data import (
     AngleCalibration,
     AngleRig,

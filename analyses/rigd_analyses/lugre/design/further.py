@@ -18,7 +18,7 @@ from rigd.analysis.result import (
 )
 from rigd_analyses.lugre.design.outlook import LIGHT, Outlook
 from rigd_analyses.lugre.design.subject import QUANTITIES, slip_of
-from rigd_analyses.lugre.rig.identification import RigIdentification
+from rigd_analyses.lugre.rig.standard_errors import RigIdentification
 
 SLIPS = ("g@5mm/s", "g@10mm/s", "g@20mm/s", "g@50mm/s")  #: at which g is asked for
 OPEN = (Verdict.UNIDENTIFIABLE, Verdict.WEAK, Verdict.CONSTANTS)

@@ -25,9 +25,9 @@ from rigd_analyses.lugre.design.subject import QUANTITIES, Subject, slip_of
 from rigd_analyses.lugre.model import PARAMETERS, RATIO, V_S, friction, friction_gradient
 from rigd_analyses.lugre.quantities import STRIBECK_SPEED, TOTAL_DAMPING
 from rigd_analyses.lugre.rig import sensors as rows
-from rigd_analyses.lugre.rig.identification import FRICTION, HEIGHT, RigIdentification
 from rigd_analyses.lugre.rig.outputs import TRAVEL
 from rigd_analyses.lugre.rig.ridge import SHOWN
+from rigd_analyses.lugre.rig.standard_errors import FRICTION, HEIGHT, RigIdentification
 from rigd_analyses.lugre.rig.system import GUIDE, MASS, NO_LOAD, OF_THE_ENCODER, RigSystem
 from rigd_analyses.lugre.trials.known_constants import Known
 

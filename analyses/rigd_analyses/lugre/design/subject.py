@@ -21,9 +21,9 @@ from rigd_analyses.lugre.model import PARAMETERS, V_S, friction, friction_gradie
 from rigd_analyses.lugre.quantities import BY_COVARIANCE, COULOMB, STATIC, STRIBECK_SPEED
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.family import RigFamily, family_of, rig_system, with_intervals
-from rigd_analyses.lugre.rig.identification import FRICTION
 from rigd_analyses.lugre.rig.parts import free_part
 from rigd_analyses.lugre.rig.result import result
+from rigd_analyses.lugre.rig.standard_errors import FRICTION
 from rigd_analyses.lugre.rig.system import RigSystem
 from rigd_analyses.lugre.slip_force.identify import Settings
 from rigd_analyses.lugre.trials.known_constants import RigConstants

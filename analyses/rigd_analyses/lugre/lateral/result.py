@@ -30,7 +30,7 @@ from rigd_analyses.lugre.lateral.family import LateralIdentification
 from rigd_analyses.lugre.lateral.intervals import Ends
 from rigd_analyses.lugre.lateral.speeds.errors import Cell, Speeds, Together, together
 from rigd_analyses.lugre.lateral.thresholds import LATERAL
-from rigd_analyses.lugre.rig.identification import UNEXPLAINED, WINDOW_S
+from rigd_analyses.lugre.rig.standard_errors import UNEXPLAINED, WINDOW_S
 
 METHOD = "output error: current and lateral speed in; slip, travel and acceleration out"
 POINTS = 25

@@ -12,8 +12,8 @@ from rigd.analysis.result import Seen
 from rigd_analyses.lugre.curve import SLIDING, in_ranges
 from rigd_analyses.lugre.model import friction
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.identification import FRICTION, RigIdentification, all_states, slip
 from rigd_analyses.lugre.rig.outputs import ACCELERATION
+from rigd_analyses.lugre.rig.standard_errors import FRICTION, RigIdentification, all_states, slip
 from rigd_analyses.lugre.trials.slip_and_traction import Guards, smooth, window_samples
 
 

@@ -18,7 +18,6 @@ from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.model import friction
 from rigd_analyses.lugre.rig import kernel as rig
 from rigd_analyses.lugre.rig.deviations import moving, stepped
-from rigd_analyses.lugre.rig.identification import FRICTION
 from rigd_analyses.lugre.rig.outputs import (
     ACCELERATION,
     ACCELERATION_DELAY,
@@ -30,6 +29,7 @@ from rigd_analyses.lugre.rig.outputs import (
     WHEEL_DELAY,
     late,
 )
+from rigd_analyses.lugre.rig.standard_errors import FRICTION
 from rigd_analyses.lugre.rig.system import RigSystem
 
 V, W, Z = range(3)  #: carriage speed, wheel speed, bristle: columns of a disturbance of the rates

@@ -24,7 +24,7 @@ from rigd_analyses.lugre.quantities import (
     Quantity,
     height,
 )
-from rigd_analyses.lugre.rig.identification import FRICTION, HEIGHT, RigIdentification
+from rigd_analyses.lugre.rig.standard_errors import FRICTION, HEIGHT, RigIdentification
 
 FARTHEST = 50.0  #: of a logarithm: an end beyond it is open
 BY_METHOD = (

@@ -44,15 +44,6 @@ from rigd_analyses.lugre.model import (
 )
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.extensions import BY_TRIAL, candidates
-from rigd_analyses.lugre.rig.identification import (
-    FRICTION,
-    HEIGHT,
-    WINDOW_S,
-    RigIdentification,
-    all_states,
-    beside,
-    slip,
-)
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.ridge import (
     along_ridge,
@@ -61,6 +52,15 @@ from rigd_analyses.lugre.rig.ridge import (
     on_ridge,
     unseen,
     without_effect,
+)
+from rigd_analyses.lugre.rig.standard_errors import (
+    FRICTION,
+    HEIGHT,
+    WINDOW_S,
+    RigIdentification,
+    all_states,
+    beside,
+    slip,
 )
 from rigd_analyses.lugre.rig.system import (
     RigSystem,

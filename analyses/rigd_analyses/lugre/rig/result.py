@@ -44,7 +44,10 @@ from rigd_analyses.lugre.quantities import (
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.curve_points import seen
 from rigd_analyses.lugre.rig.estimates import derived, estimates, refused
-from rigd_analyses.lugre.rig.identification import (
+from rigd_analyses.lugre.rig.outputs import ACCELERATION, SLIP
+from rigd_analyses.lugre.rig.parts import rows_used
+from rigd_analyses.lugre.rig.sensors import fitted_rows, sensor_rows
+from rigd_analyses.lugre.rig.standard_errors import (
     FRICTION,
     HEIGHT,
     WINDOW_S,
@@ -52,9 +55,6 @@ from rigd_analyses.lugre.rig.identification import (
     all_states,
     slip,
 )
-from rigd_analyses.lugre.rig.outputs import ACCELERATION, SLIP
-from rigd_analyses.lugre.rig.parts import rows_used
-from rigd_analyses.lugre.rig.sensors import fitted_rows, sensor_rows
 from rigd_analyses.lugre.rig.system import RigSystem
 
 METHOD = "output error: current in; slip, travel and acceleration out"

@@ -17,7 +17,7 @@ from rigd.analysis.fitting.profile import ProfileScan
 from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, V_S, friction
-from rigd_analyses.lugre.rig.identification import FRICTION
+from rigd_analyses.lugre.rig.standard_errors import FRICTION
 
 SHOWN = 0.999  #: level at which the data show a Stribeck effect
 RIDGE_M_S = (5e-3, 5e-2, 0.5)  #: V_s of starts along the ridge

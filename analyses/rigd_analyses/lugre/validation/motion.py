@@ -19,8 +19,8 @@ from rigd.analysis.recordings.noise import noise_of_differences
 from rigd.analysis.result import FloatArray, TrialRejection
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.current import SimulatedCurrent, simulated_current
-from rigd_analyses.lugre.rig.identification import WINDOW_S
 from rigd_analyses.lugre.rig.parts import free_part
+from rigd_analyses.lugre.rig.standard_errors import WINDOW_S
 from rigd_analyses.lugre.rig.system import DRAG_N_S_M, LEAD, REST, SLOPE_M_S2
 from rigd_analyses.lugre.slip_force.identify import Settings
 from rigd_analyses.lugre.trials.known_constants import RigConstants

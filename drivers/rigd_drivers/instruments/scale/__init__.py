@@ -1,1 +1,1 @@
-"""Reads scales on a serial port, with the protocols MT-SICS, KERN KCP and A&D."""
+"""Reads scales on a serial port: MT-SICS, KERN KCP, A&D, Sartorius SBI and Ohaus."""

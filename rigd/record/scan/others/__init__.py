@@ -9,7 +9,7 @@ chunk whose CRC is not that of its data. Format: https://mcap.dev/spec.
 from __future__ import annotations
 
 from rigd.record.scan.findings import Scan
-from rigd.record.scan.others.walk import Walk
+from rigd.record.scan.others.foreign_walk import Walk
 
 __all__ = ["scan_others"]
 

@@ -125,7 +125,8 @@ CALLS: Final[Mapping[str, KindOfStep]] = {
 }
 #: Those that are given setpoints: they count, or do not.
 WRITES: Final = (
-    ("write", "write without a read", "ramp and at once make safe"),
+    ("write",),  # what is no number counts here alone
+    ("write without a read", "ramp and at once make safe"),
     ("write unarmed", "close and open"),
 )
 #: Kinds of setpoints: in the range, at its ends, beyond them, close to the last, none at all.
