@@ -278,7 +278,7 @@ def test_silence_after_late_answer_is_named_silence(tmp_path: Path) -> None:
 
 def test_device_that_only_echoes_is_named(tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path, ask=r"*\r") as found:
+        async with bench(tmp_path, ask=r"*\r", timeout="2 s", silence="3 s") as found:
             found.device.inject("echo")
             with pytest.raises(ProtocolError, match="returns the question"):
                 await found.driver.open()
