@@ -130,12 +130,17 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
     for trial in trials:
         scope = {**shared, **scope_of(trial, without=own)}
         for name, item in source.parameters.items():
-            if name not in scope and item.default is not None:
+            if name not in scope and item.default is not None and not item.choices:
                 found = reader.value(("parameters", name, "default"), item.default, shared)
-                scope |= {} if found is None or item.choices else {name: found}
+                scope |= {} if found is None else {name: found}
         scopes.append({**scope, **read_tables(reader, source, scope)})
         units |= trial.units
     everywhere = set(scopes[0]).intersection(*scopes[1:])
+    for name in set(sweep.plan.group_by) - everywhere:
+        hint = suggest(name, {name for name in everywhere if "." not in name})
+        reader.note(("identify", "group_by"), f"{sweep.path} has no trial parameter {name!r}",
+                    hint=hint)  # fmt: skip
+    problems.raise_any()  # without it tables and constants have no value either
     same = {name: scopes[0][name] for name in everywhere
             if all(scope[name] == scopes[0][name] for scope in scopes)}  # fmt: skip
     hidden = {name for name in everywhere if "." not in name}
@@ -146,9 +151,6 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
         reader, choices_of(source), source.identify, of_rig, (same, scopes[0]), hidden,
         has=there.__contains__,
     )  # fmt: skip
-    for name in set(sweep.plan.group_by) - everywhere:
-        reader.note(("identify", "group_by"), f"{sweep.path} has no trial parameter {name!r}",
-                    hint=suggest(name, hidden))  # fmt: skip
     problems.raise_any()
     plan = replace(plan, group_by=sweep.plan.group_by)
     analysis = find_analysis(plan.model)

@@ -147,7 +147,8 @@ def _new_rig(name: str, source: Path | None, target: Path) -> int:
             raise
         said = "; ".join(item.message for item in (error, *error.others))
         raise ConfigError(  # no file has the line that it names
-            f"the answers make no rig: {said}", hint="nothing is written: give other answers"
+            f"the answers make no rig: {said}",
+            hint=f"nothing is written: {error.hint or 'give other answers'}",
         ) from error
     if asker.defaults:
         print(asker.defaults, file=sys.stderr)

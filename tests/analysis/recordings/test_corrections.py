@@ -101,6 +101,14 @@ def test_a_group_that_no_trial_has_is_refused(tmp_path: Path) -> None:
     assert "did you mean 'floor'?" in str(refused.value)
 
 
+def test_missing_group_is_the_only_cause_named(tmp_path: Path) -> None:
+    text = PROCEDURE.replace("  floor:", "  surface:").replace("[floor]", "[surface]")
+    text = text.replace("by: floor", "by: surface")
+    with pytest.raises(ConfigError, match="has no trial parameter 'surface'") as refused:
+        planned_afterwards(tmp_path / "run.mcap", text)
+    assert refused.value.others == ()
+
+
 def test_without_any_plan_the_option_is_named(tmp_path: Path) -> None:
     path = write_trials(tmp_path / "run.mcap", {})
     with pytest.raises(DataError, match="does not state what to identify") as refused:
