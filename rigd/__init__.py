@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rigd.record import Recording, Table, Trial, Trials
     from rigd.record.read.reader import open_recording as open
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "ComparisonResult",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from collections import defaultdict
 from pathlib import Path
 
@@ -24,6 +25,13 @@ def test_no_public_class_name_stands_twice() -> None:
             places[match[1]].append(str(path.relative_to(ROOT)))
     assert len(places) > 500
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
+def test_each_change_has_a_known_kind() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["towncrier"]
+    kinds = {kind["directory"] for kind in settings["type"]}
+    names = [path.name for path in (ROOT / "changes").glob("[!.]*")]
+    assert [name for name in names if name.split(".")[1:] not in [[k, "md"] for k in kinds]] == []
 
 
 def test_no_variable_has_the_name_one() -> None:
