@@ -7,8 +7,20 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+import pytest
+
 #: How often the witness asks to be woken, in s.
 PERIOD_S = 2e-3
+#: How long this computer stands still for a test, in s.
+STALL_S = 60.0
+
+
+def standing_still(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Return what lets this computer stand still for a minute, by the clocks that drivers read."""
+    now, now_ns, ahead = time.monotonic, time.monotonic_ns, [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now() + ahead[0])
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns() + round(ahead[0] * 1e9))
+    return lambda: ahead.append(ahead.pop() + STALL_S)
 
 
 @contextmanager

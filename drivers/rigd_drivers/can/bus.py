@@ -375,11 +375,11 @@ class CanBus(Link):
         with self._reader.lock:
             while True:
                 self._reader.check()
+                now = self.now_ns = time.monotonic_ns()  # what comes in a stall after it is taken
                 self._take(FRAMES_PER_MS)
                 self._check_rival()
                 if until():
                     return True
-                now = self.now_ns = time.monotonic_ns()
                 pause_ns = deadline_ns - now
                 if pause_ns <= 0:
                     return False

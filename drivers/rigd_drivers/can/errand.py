@@ -12,6 +12,7 @@ from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.can.canopen import frames, sdo
 from rigd_drivers.can.canopen.objects import Entry
 from rigd_drivers.can.node import Node
+from rigd_drivers.wait import looks
 
 #: A condition that is waited for is looked at again after this, in ns.
 _LOOK_NS: Final = 5_000_000
@@ -154,12 +155,10 @@ def until(entry: Entry, is_right: Callable[[int], bool], timeout_s: float, what:
         DeviceError: it is not when asked after ``timeout_s``; ``what`` begins the sentence.
 
     """
-    deadline_ns = time.monotonic_ns() + round(timeout_s * 1e9)
-    while True:
-        asked_ns = time.monotonic_ns()  # a reading from before a stall of this computer is old
+    value = None
+    for _ in looks(timeout_s):
         value = yield Read(entry)
         if is_right(value):
             return value
-        if asked_ns > deadline_ns:
-            raise DeviceError(f"{what}: object {entry} is {value} after {timeout_s:g} s")
         yield Pause()
+    raise DeviceError(f"{what}: object {entry} is {value} after {timeout_s:g} s")

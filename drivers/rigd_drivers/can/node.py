@@ -14,6 +14,7 @@ from rigd_drivers.can.canopen import emcy, frames, nmt, objects, sdo
 from rigd_drivers.can.canopen.objects import Entry
 from rigd_drivers.can.canopen.sheet import Sheet
 from rigd_drivers.can.sheet import WRONG_EDS
+from rigd_drivers.wait import looks
 
 #: A node answers an SDO request within this, also when its host or ours stalls, in s.
 SDO_TIMEOUT_S: Final = 0.5
@@ -134,19 +135,16 @@ class Node:
 
         """
         self.state = None
-        deadline_ns = time.monotonic_ns() + round(_START_S * 1e9)
-        self.order(nmt.Command.START)
-        while True:
-            asked_ns = time.monotonic_ns()
+        for _ in looks(_START_S):
+            self.order(nmt.Command.START)
             if self.bus.wait(lambda: self.state is nmt.State.OPERATIONAL, _START_AGAIN_S):
                 break
-            if asked_ns > deadline_ns:
-                raise ProtocolError(
-                    f"{self} is not operational {_START_S:g} s after the command: {self._shown()}"
-                    f"{self._errors()}",
-                    hint="its manual explains its error register and history (1001, 1003)",
-                )
-            self.order(nmt.Command.START)
+        else:
+            raise ProtocolError(
+                f"{self} is not operational {_START_S:g} s after the command: {self._shown()}"
+                f"{self._errors()}",
+                hint="its manual explains its error register and history (1001, 1003)",
+            )
         self._restarted = False
         self._halted = 0
 

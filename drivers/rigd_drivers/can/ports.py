@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigd.sdk import LinkError, dropped, readable
 from rigd_drivers.can.canopen import frames
+from rigd_drivers.wait import looks
 
 if TYPE_CHECKING:
     import can
@@ -76,14 +77,12 @@ class Port(ABC):
             Full, LinkError: see :meth:`send`.
 
         """
-        give_up_s = time.monotonic() + PATIENCE_S
-        while True:
-            try:
-                return self.send(identifier, data)
-            except Full:
-                if time.monotonic() > give_up_s:
-                    raise
+        for _ in looks(PATIENCE_S):
+            with suppress(Full):
+                self.send(identifier, data)
+                return
             time.sleep(_PAUSE_S)
+        self.send(identifier, data)
 
     def lost(self) -> int:
         """Return how many frames found the queue behind the port full, as far as it knows."""

@@ -31,6 +31,7 @@ from rigd_drivers.modbus.exchange import Answer, Failure
 from rigd_drivers.modbus.pdu import Request
 from rigd_drivers.modbus.registers import Condition, all_hold
 from rigd_drivers.modbus.servo_map import ServoMap, Step
+from rigd_drivers.wait import looks
 
 #: Bits of the status word: the drive follows its setpoint; its watchdog has acted, which before
 #: arming is no fault (rigd was busy with other devices, and nothing moved).
@@ -316,22 +317,19 @@ class ModbusServo(ModbusDevice[ServoConfig]):
 
     def _check_disabled(self, client: Client) -> None:
         reads = self._map.reads([range(c.address, c.address + 1) for c in self._map.enabled])
-        end_s = time.monotonic() + _CONFIRM_S
         words: dict[int, int] = {}
-        while True:
-            began_s = time.monotonic()
+        for _ in looks(_CONFIRM_S):
             for read in reads:
                 within_s = max(TRYING_S, client.longest_s(read.request))
                 words |= read.words(client.ask(read.request, within_s))
             if not all_hold(self._map.enabled, words):
                 return
-            if began_s > end_s:  # what was read before says nothing: this computer may stall
-                raise DeviceError(
-                    f"{client.where}: the drive took the command to disable, and still reports "
-                    "that it is enabled",
-                    hint="cut its supply; then look whether it is commanded over Modbus alone",
-                )
             time.sleep(_LOOK_S)
+        raise DeviceError(
+            f"{client.where}: the drive took the command to disable, and still reports that it is "
+            "enabled",
+            hint="cut its supply; then look whether it is commanded over Modbus alone",
+        )
 
     def _disable(self, client: Client) -> None:
         writes = self._map.writes(self._map.disable)

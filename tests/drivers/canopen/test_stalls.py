@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from support.can_bench import Connect
+from support.can_script import ScriptedBus
+from support.stalls import standing_still
 
 from rigd.sdk import DeviceError, ProtocolError
 from rigd_drivers.can.canopen import objects
 from rigd_drivers.can.canopen.cia402 import DriveState, Mode
 from rigd_drivers.can.cia402_servo import by_sdo
 from rigd_drivers.can.errand import Pause, Read, until
+from rigd_drivers.can.ports import Full
 
 #: Statuswords of CiA 402 (6041h).
 DISABLED, READY = 0x0250, 0x0231
-STALL_S = 60.0
 
 
 @pytest.fixture
 def stall(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """Return what lets this computer stand still for a minute."""
-    now, now_ns, ahead = time.monotonic, time.monotonic_ns, [0.0]
-    monkeypatch.setattr(time, "monotonic", lambda: now() + ahead[0])
-    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns() + round(ahead[0] * 1e9))
-    return lambda: ahead.append(ahead.pop() + STALL_S)
+    return standing_still(monkeypatch)
 
 
 class Node:
@@ -85,5 +83,34 @@ def test_errand_reads_once_more_after_a_stall(stall: Callable[[], None]) -> None
     stall()
     assert isinstance(errand.send(7), Pause)
     assert isinstance(next(errand), Read)
+    assert isinstance(errand.send(7), Pause)
     with pytest.raises(DeviceError, match="is 7 after"):
-        errand.send(7)
+        next(errand)
+
+
+def test_frame_of_a_stall_is_heard(connect: Connect, stall: Callable[[], None]) -> None:
+    bus, port = connect()
+    looks: list[int] = []
+
+    def heard() -> bool:
+        looks.append(bus.foreign)
+        if len(looks) == 1:  # this computer stands still while nobody looks
+            stall()
+            port.say(0x123, b"1")
+        return bus.foreign > 0
+
+    assert bus.wait(heard, 0.1)
+
+
+def test_queue_that_empties_in_a_stall_takes_frame(stall: Callable[[], None]) -> None:
+    class Emptying(ScriptedBus):
+        def send(self, identifier: int, data: bytes) -> None:
+            if not self.full:
+                self.full = True
+                stall()
+                raise Full("its queue is full")
+            self.sent.append((identifier, data))
+
+    port = Emptying()
+    port.press(0x123, b"1")
+    assert port.sent == [(0x123, b"1")]

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from support.descriptors import beyond_select
 from support.modbus_bench import ServoBench, cycle, rows_of, status
 from support.name_server import lose_name_server
-from support.stalls import witnessed
+from support.stalls import standing_still, witnessed
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.modbus.client import Client
@@ -288,22 +288,22 @@ def test_drive_that_obeys_during_stall_is_safe(
     servo: ServoBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     driver = armed(servo)
-    ask, now = Client.ask, time.monotonic
-    ahead_s: list[float] = []
+    ask, stall = Client.ask, standing_still(monkeypatch)
+    stalls: list[float] = []
 
     def stalled(client: Client, *args: Any) -> tuple[int, ...]:
         words = ask(client, *args)
-        if not ahead_s:  # once: the drive obeys while this computer stands still
+        if not stalls:  # once: the drive obeys while this computer stands still
             driver.make_safe()
             while servo.state()["enabled"]:
                 pass
-            ahead_s.append(60.0)
+            stalls.append(time.monotonic())
+            stall()
         return words
 
     monkeypatch.setattr(Client, "ask", stalled)
-    monkeypatch.setattr(time, "monotonic", lambda: now() + sum(ahead_s))
     driver.confirm_safe()
-    assert ahead_s
+    assert stalls
 
 
 @TCP

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 from support.served import served
-from support.stalls import witnessed
+from support.stalls import standing_still, witnessed
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Observed, Peer, background_loop, check_driver
@@ -277,6 +277,33 @@ def test_make_safe_opens_and_lets_one_shot_drop(rig: Rig) -> None:
     assert not rig.bench.line[-1][1]
     driver.make_safe()
     armed(driver)
+
+
+def test_relay_that_card_opens_in_a_stall_is_safe(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = armed(rig.opened())
+    cycles(driver, 1.0, lambda: rig.bench.closed)
+    rig.inject("stall", seconds=0.05)
+    driver.make_safe()
+    stalls, ours = [standing_still(monkeypatch)], threading.current_thread()
+
+    def stalling(clock: Callable[[], float]) -> Callable[[], float]:
+        """Return ``clock``; behind the first reading of the thread that waits we stand still."""
+
+        def read() -> float:
+            now = clock()
+            if threading.current_thread() is ours and stalls:
+                stalls.pop()()
+            return now
+
+        return read
+
+    for name in ("monotonic", "monotonic_ns"):
+        monkeypatch.setattr(time, name, stalling(getattr(time, name)))
+    driver.confirm_safe()
+    assert not rig.bench.line[-1][1]
+    assert not stalls
 
 
 def test_armed_while_one_shot_drops_comes_up_anew(rig: Rig) -> None:

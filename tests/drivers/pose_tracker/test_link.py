@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from support.pose_sender import POSE, free_port, line
+from support.stalls import standing_still
 
 from rigd.sdk import DeviceError, LinkError
 from rigd_drivers.trackers.pose_tracker.driver import BodyConfig, PoseStatus, TrackedBody
@@ -137,6 +138,19 @@ def test_nothing_is_believed_before_it_settled() -> None:
         for number in range(2, SETTLING_NS // MS // PERIOD_MS):
             bench.come(number, 5)
             assert bench.cart.read(at(number, 5)) is None
+
+
+def test_frame_of_a_stall_is_heard(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    stall, before, looks = standing_still(monkeypatch), bench.link.good, []
+
+    def heard() -> bool:
+        looks.append(bench.link.good)
+        if len(looks) == 1:  # this computer stands still while nobody looks
+            stall()
+            bench.send(bench.frame(2))
+        return bench.link.good > before
+
+    assert bench.link.listen(heard, 0.1)
 
 
 def test_all_poses_of_a_stall_are_rows(bench: Bench) -> None:

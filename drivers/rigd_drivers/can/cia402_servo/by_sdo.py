@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection
 from typing import Final
 
@@ -12,6 +11,7 @@ from rigd_drivers.can.canopen import cia402, emcy, nmt, objects
 from rigd_drivers.can.canopen.cia402 import DriveState, Mode
 from rigd_drivers.can.canopen.objects import Entry
 from rigd_drivers.can.node import RESCUE_TIMEOUT_S, Node
+from rigd_drivers.wait import looks
 
 #: 6007h: what the drive does when it loses our heartbeat. 2 switches the voltage off at once; a
 #: quick stop (3) would keep torque on the wheel.
@@ -39,19 +39,12 @@ def state(node: Node) -> DriveState:
 
 
 def reached(node: Node, states: Collection[DriveState], timeout_s: float) -> bool:
-    """Wait until the drive is in one of ``states``; return whether it is.
-
-    It waits at most ``timeout_s``, and does not give up before an answer that was asked for after
-    that: this computer may have stood still.
-    """
-    deadline = time.monotonic() + timeout_s
-    while True:
-        asked_s = time.monotonic()
+    """Wait until the drive is in one of ``states``, at most ``timeout_s``; return whether it is."""
+    for _ in looks(timeout_s):
         if state(node) in states:
             return True
-        if asked_s > deadline:
-            return False
         node.bus.wait(lambda: False, LOOK_S)
+    return False
 
 
 def reports_silence(node: Node) -> bool:
@@ -99,14 +92,12 @@ def set_mode(node: Node, mode: Mode) -> None:
             hint="update its firmware, use another drive, or name another mode in a `profile`",
         )
     node.write(objects.MODE, mode)
-    deadline = time.monotonic() + _STEP_S
-    while True:
-        asked_s = time.monotonic()
+    shown = None
+    for _ in looks(_STEP_S):
         if (shown := node.read(objects.MODE_DISPLAY)) == mode:
             return
-        if asked_s > deadline:
-            raise ProtocolError(f"{node} shows mode {shown} (object 6061), commanded was {mode:d}")
         node.bus.wait(lambda: False, LOOK_S)
+    raise ProtocolError(f"{node} shows mode {shown} (object 6061), commanded was {mode:d}")
 
 
 def position_span(node: Node) -> int:

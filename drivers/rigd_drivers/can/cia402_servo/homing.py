@@ -7,7 +7,6 @@ speed that no limit of the rig bounds.
 
 from __future__ import annotations
 
-import time
 from typing import Final, Literal
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
@@ -16,14 +15,15 @@ from rigd_drivers.can.canopen.cia402 import DriveState, Mode
 from rigd_drivers.can.cia402_servo.by_sdo import NOT_ENABLED
 from rigd_drivers.can.errand import Errand, Part, Pause, Read, Script, Write, nearer, until
 from rigd_drivers.can.node import Node
+from rigd_drivers.wait import looks
 
 #: Homing methods that do not move: 37, and 35 of older drives.
 Method = Literal[35, 37]
 #: A drive shows a mode within this, in s.
 _MODE_S: Final = 0.5
-#: It is enabled within this (brake, charging of its power stage), and homed within this, in ns.
-_ENABLE_NS: Final = 3_000_000_000
-_HOME_NS: Final = 2_000_000_000
+#: It is enabled within this (brake, charging of its power stage), and homed within this, in s.
+_ENABLE_S: Final = 3.0
+_HOME_S: Final = 2.0
 
 
 class Homing:
@@ -98,26 +98,22 @@ class Homing:
 
     def _enable(self, node: Node) -> Part:
         enabling = cia402.Enabling()
-        asked_ns = time.monotonic_ns()
-        deadline_ns = asked_ns + _ENABLE_NS
-        while (state := cia402.state_of(self.shown)) is not DriveState.ENABLED:
-            if asked_ns > deadline_ns:
-                raise DeviceError(
-                    f"{node} is not enabled for homing: {state.value} "
-                    f"(statusword 0x{self.shown:04X})",
-                    hint=NOT_ENABLED,
-                )
+        for _ in looks(_ENABLE_S):
             self.word = enabling.next(self.shown)
-            asked_ns = time.monotonic_ns()
             yield Pause()
-        return self.shown
+            if cia402.state_of(self.shown) is DriveState.ENABLED:
+                return self.shown
+        raise DeviceError(
+            f"{node} is not enabled for homing: {cia402.state_of(self.shown).value} "
+            f"(statusword 0x{self.shown:04X})",
+            hint=NOT_ENABLED,
+        )
 
     def _set_zero(self, node: Node, before: int, span: int) -> Part:
         """Start homing; return the position that the drive shows then."""
         self.word = cia402.ENABLE | cia402.START_HOMING
-        deadline_ns = time.monotonic_ns() + _HOME_NS
-        while True:
-            asked_ns = time.monotonic_ns()
+        count = before
+        for _ in looks(_HOME_S):
             yield Pause()
             if self.shown & cia402.HOMING_ERROR:
                 raise DeviceError(
@@ -128,13 +124,12 @@ class Homing:
             count = yield Read(objects.POSITION)
             if self.shown & cia402.HOMED and nearer(count, 0, before, span):
                 return count
-            if asked_ns > deadline_ns:
-                raise DeviceError(
-                    f"{node} is not homed after {_HOME_NS * 1e-9:g} s: its position is {count}, "
-                    f"before {before} (statusword 0x{self.shown:04X})",
-                    hint="homing must set the position (object 6064) to 0: its home offset (607C, "
-                    "or an object of its maker) may have another value",
-                )
+        raise DeviceError(
+            f"{node} is not homed after {_HOME_S:g} s: its position is {count}, before {before} "
+            f"(statusword 0x{self.shown:04X})",
+            hint="homing must set the position (object 6064) to 0: its home offset (607C, or an "
+            "object of its maker) may have another value",
+        )
 
 
 def _set_mode(node: Node, mode: Mode) -> Part:

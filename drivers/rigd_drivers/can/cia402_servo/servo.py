@@ -26,6 +26,7 @@ from rigd_drivers.can.cia402_servo.profile import Choice
 from rigd_drivers.can.node import Node
 from rigd_drivers.can.pdo import configure, switch_off_rest
 from rigd_drivers.can.sheet import Plan, contradictions, refuse
+from rigd_drivers.wait import looks
 
 #: Low word of 1000h.
 _PROFILE: Final = 402
@@ -380,8 +381,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
     def _shows_off(self) -> bool:
         """Order the safe state again; return whether the drive's PDOs soon show it."""
         inbox = self._inboxes[0]
-        deadline = time.monotonic() + _SHOWN_S
-        while time.monotonic() < deadline:
+        for _ in looks(_SHOWN_S):
             before = inbox.came
             self._flush_safe()
             if not self.link.wait(partial(_came_since, inbox, before), by_sdo.LOOK_S):

@@ -13,6 +13,7 @@ from rigd_drivers.cards.labjack import registers as lj
 from rigd_drivers.cards.labjack.config import LabjackConfig, LabjackWatchdogOptions, tick_of
 from rigd_drivers.cards.labjack.connection import Connection
 from rigd_drivers.cards.labjack.registers import Packet, Register, Write, packet
+from rigd_drivers.wait import looks
 
 #: How long connecting may take, in s,
 OPEN_S: Final = 2.0
@@ -256,20 +257,17 @@ class Device:
             return
         up_at = getattr(guard, "active", "high") == "high"
         wired = 1 << guard.output
-        deadline_s = time.monotonic() + guard_s
-        while True:
-            looked_s = time.monotonic()
+        for _ in looks(guard_s):
             levels, directions = self._ask(packet(lj.DIO_STATE, lj.DIO_DIRECTION))
             driven = int(directions) & wired
             if not driven or bool(int(levels) >> guard.input & 1) != up_at:
                 return
-            if looked_s > deadline_s:
-                raise LinkError(
-                    f"the drives on {self} are kept enabled: another program feeds the one-shot or "
-                    "watchdog, or it no longer falls by itself",
-                    hint="end that run; if there is none, check the wire of the guard",
-                )
             time.sleep(_LOOK_S)
+        raise LinkError(
+            f"the drives on {self} are kept enabled: another program feeds the one-shot or "
+            "watchdog, or it no longer falls by itself",
+            hint="end that run; if there is none, check the wire of the guard",
+        )
 
     def _set_up_watchdog(self) -> None:
         """Let the watchdog bring the outputs to rest, whenever it is not fed.

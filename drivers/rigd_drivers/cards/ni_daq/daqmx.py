@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rigd.sdk import DeviceError, LinkError
 from rigd_drivers.cards.ni_card import NiCard
 from rigd_drivers.cards.ni_daq.config import NiDaqConfig, Terminal
+from rigd_drivers.wait import looks
 
 #: A task that no client reads from for so long, in s, and so many blocks, has lost its client.
 ABANDONED_S: Final = 0.5
@@ -102,10 +103,9 @@ class Daqmx:
     def _is_read(self, task: Any) -> bool:
         """Return whether a client fetches samples of ``task``, and so still runs."""
         blocks_s = _MISSED_BLOCKS * self._config.block / self._config.rate
-        deadline = time.monotonic() + max(ABANDONED_S, blocks_s)
         try:
             began = task.in_stream.curr_read_pos
-            while time.monotonic() < deadline:
+            for _ in looks(max(ABANDONED_S, blocks_s)):
                 time.sleep(_LOOK_S)
                 if task.in_stream.curr_read_pos != began:
                     return True

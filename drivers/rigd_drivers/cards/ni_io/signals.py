@@ -19,6 +19,7 @@ from rigd_drivers.cards.card import Train
 from rigd_drivers.cards.ni_card import NiCard
 from rigd_drivers.cards.ni_io.config import NiIoConfig, WatchdogOptions
 from rigd_drivers.cards.ni_io.pulses import PulseReader
+from rigd_drivers.wait import looks
 
 #: Longest answer of the card or of its device server, in s,
 CALL_S: Final = 0.5
@@ -411,14 +412,11 @@ class Signals:
             return False
         self._lines_in = _line_reader(task)
         up_at = getattr(guard, "active", "high") == "high"
-        deadline = time.monotonic() + guard.time
-        while True:
-            looked = time.monotonic()
+        for _ in looks(guard.time):
             if self.levels()[guard.input] != up_at:
                 return False
-            if looked > deadline:
-                return True
             time.sleep(_LOOK_S)
+        return True
 
     def _rescued(self, *, patient: bool) -> bool:
         """Bring the outputs to rest; False: another connection was in between, try again."""

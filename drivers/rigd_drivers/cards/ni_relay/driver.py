@@ -10,6 +10,7 @@ from rigd.sdk import Channel, Declaration, DeviceError, Driver, DriverConfig, Li
 from rigd_drivers.cards.ni_relay.config import NiRelayConfig, WatchdogOptions
 from rigd_drivers.cards.ni_relay.keeper import CYCLE_SILENCE_S, Keeper, Seen
 from rigd_drivers.cards.ni_relay.lines import CALL_S, RelayLines
+from rigd_drivers.wait import looks
 
 #: Bits of the status word.
 ARMED: Final = 1  #: its setpoint is followed
@@ -23,6 +24,8 @@ _PULSES_PER_TIME: Final = 5
 #: A confirmation of the card older than this, in s, is no row of this cycle any more.
 FRESH_S: Final = 0.15
 _LOOK_S: Final = 0.002
+#: A thread of ours that stood still as we did has so many looks to hear from the card, 0.2 s.
+_LATE_LOOKS: Final = 100
 
 
 class RelayRow(Row):
@@ -186,17 +189,17 @@ class NiRelay(Driver[NiRelayConfig, None]):
         if keeper is None:
             return
         wish = keeper.wish
-        deadline = time.monotonic() + CALL_S
-        while keeper.known.wish < wish:
+        for _ in looks(CALL_S, late=_LATE_LOOKS):
+            if keeper.known.wish >= wish:
+                return
             failed = keeper.failed
             if failed is not None and failed.wish >= wish:
                 raise failed.why
-            if time.monotonic() > deadline:
-                raise LinkError(
-                    f"the card did not confirm within {CALL_S:g} s that the relay opens",
-                    hint="switch the motor's supply off; see that the card can be reached",
-                )
             time.sleep(_LOOK_S)
+        raise LinkError(
+            f"the card did not confirm within {CALL_S:g} s that the relay opens",
+            hint="switch the motor's supply off; see that the card can be reached",
+        )
 
     def rescue(self) -> None:
         """Open the relay over a connection of its own; see :class:`Driver`."""
@@ -261,17 +264,15 @@ class NiRelay(Driver[NiRelayConfig, None]):
     def _raise_one_shot(self, keeper: Keeper, watchdog: WatchdogOptions) -> None:
         """Feed the one-shot until it is up."""
         began_ns = time.monotonic_ns()
-        give_up = time.monotonic() + max(4 * watchdog.time, 1.0)
-        while True:
+        for _ in looks(max(4 * watchdog.time, 1.0), late=_LATE_LOOKS):
             keeper.feed()
             self._check_talk(keeper)
             seen = keeper.seen
             if seen is not None and seen.up and seen.looked_ns > began_ns:
                 return
-            if time.monotonic() > give_up:
-                raise DeviceError(
-                    f"the one-shot does not come up when {watchdog.line} toggles",
-                    hint=f"check the wires to it and from it to {watchdog.feedback}, and whether "
-                    f"that is really {watchdog.active} while it is up",
-                )
             time.sleep(_LOOK_S)
+        raise DeviceError(
+            f"the one-shot does not come up when {watchdog.line} toggles",
+            hint=f"check the wires to it and from it to {watchdog.feedback}, and whether that is "
+            f"really {watchdog.active} while it is up",
+        )

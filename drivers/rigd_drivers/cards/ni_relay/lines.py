@@ -15,6 +15,7 @@ import numpy as np
 from rigd.sdk import LinkError
 from rigd_drivers.cards.ni_card import NiCard
 from rigd_drivers.cards.ni_relay.config import NiRelayConfig
+from rigd_drivers.wait import looks
 
 #: Longest answer of a device server, in s: the relay must not hang on one that is away.
 CALL_S: Final = 0.5
@@ -178,11 +179,8 @@ class RelayLines:
         if watchdog is None:
             return False
         self._read_from(task)
-        deadline = time.monotonic() + watchdog.time
-        while True:
-            looked = time.monotonic()
+        for _ in looks(watchdog.time):
             if not self.one_shot_up():
                 return False
-            if looked > deadline:
-                return True
             time.sleep(_LOOK_S)
+        return True

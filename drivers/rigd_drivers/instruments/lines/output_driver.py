@@ -22,6 +22,7 @@ from rigd_drivers.instruments.lines.outputs import LineOutputsConfig, clipped
 from rigd_drivers.instruments.lines.reader import LineReader, Reading
 from rigd_drivers.instruments.lines.tally import LineStatus, Tally
 from rigd_drivers.instruments.lines.text import encoded
+from rigd_drivers.wait import looks
 
 T = TypeVar("T")
 
@@ -336,10 +337,9 @@ class LineOutputs(Driver[LineOutputsConfig, None]):
     def _wait(self, question: bytes, take: Callable[[bytes], T | None], timeout_s: float) -> T:
         """Send ``question`` and wait for its answer; too slow for the cycle."""
         self._port.send(question)
-        deadline = time.monotonic() + timeout_s
         last = b""
-        while (left := deadline - time.monotonic()) > 0:
-            readable(self._port.fileno(), left)
+        for left_s in looks(timeout_s):
+            readable(self._port.fileno(), left_s)
             for line in self._lines.feed(self._port.receive()):
                 answer = take(line)
                 if answer is not None:

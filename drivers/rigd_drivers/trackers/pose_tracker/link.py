@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable
 from typing import Annotated, ClassVar, Final
@@ -14,6 +13,7 @@ from rigd.sdk.port import DatagramPort
 from rigd_drivers.trackers.pose_tracker.inbox import Inbox
 from rigd_drivers.trackers.pose_tracker.message import Frame, Unreadable, read_frame
 from rigd_drivers.trackers.pose_tracker.time_base import TimeBase
+from rigd_drivers.wait import looks
 
 #: Datagrams looked at in one cycle; a camera with many bodies sends fewer.
 DATAGRAMS_PER_CYCLE: Final = 16
@@ -111,16 +111,14 @@ class PoseTracker(Link):
             DeviceError: the network of this machine fails.
 
         """
-        deadline = time.monotonic() + timeout_s
         with self._reader.lock:
-            while not until():
+            for left_s in looks(timeout_s):
+                if until():
+                    return True
                 self._reader.check()
-                left_s = deadline - time.monotonic()
-                if left_s <= 0:
-                    return False
                 if self._port.wait(left_s):
                     self._receive(lambda frame: None)
-        return True
+            return until()
 
     def begin(self, t_ns: int) -> None:
         """Receive what has arrived; see :class:`Link`."""

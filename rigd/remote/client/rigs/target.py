@@ -164,11 +164,6 @@ def _keep(path: Path, known: Mapping[str, object]) -> None:
     Path(file.name).replace(path)
 
 
-def name_in(certificate: Path) -> str:
-    """Return the common name in a certificate; see :func:`name_and_end_in`."""
-    return name_and_end_in(certificate)[0]
-
-
 def name_and_end_in(certificate: Path) -> tuple[str, int]:
     """Return the common name in a certificate (PEM), and its end in ns since the Unix epoch.
 
