@@ -36,7 +36,8 @@ class Bench:
     def __init__(self, **options: Any) -> None:
         self.port = free_port()
         self._sockets = {host: self._sender(host) for host in ("127.0.0.1", STRANGER)}
-        self.link = PoseTracker(PoseTrackerConfig.model_validate({"port": self.port} | options))
+        config = PoseTrackerConfig.model_validate({"port": self.port} | options)
+        self.link = PoseTracker(config, lambda: at(1, 10))
         self.link.open()
         for frame in (0, 1):
             self.send(self.frame(frame))
@@ -131,6 +132,28 @@ def test_pose_that_comes_late_is_old(bench: Bench) -> None:
         assert bench.cart.read(at(number, 1010)) is not None
         assert bench.cart.taken_ns is not None
         assert at(number, 1010) - bench.cart.taken_ns > 998 * MS
+
+
+def test_delay_seen_at_opening_holds_in_cycles() -> None:
+    with opened() as bench:
+        for number in range(2, SETTLED):  # all that a cycle takes is a second late
+            bench.come(number, 1010)
+        assert bench.cart.read(at(SETTLED, 1010)) is not None
+        assert bench.cart.taken_ns is not None
+        assert bench.cart.taken_ns <= at(SETTLED, 12)
+
+
+def test_tracker_begun_anew_before_cycles_has_new_zero() -> None:
+    with opened() as bench:
+        before = bench.link.good
+        bench.send(bench.frame(0, time=7.0))
+        assert bench.link.listen(lambda: bench.link.good > before, 5.0)
+        for number in range(2, SETTLED):
+            bench.come(number, 10, time=7.0 + number * PERIOD_MS * 1e-3)
+        times = []
+        while bench.cart.read(at(SETTLED, 0)) is not None:
+            times.append(bench.cart.taken_ns)
+        assert times[-1] == pytest.approx(at(SETTLED - 1, 10), abs=0.1 * MS)
 
 
 def test_nothing_is_believed_before_it_settled() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable
 from typing import Annotated, ClassVar, Final
@@ -52,8 +53,11 @@ class PoseTracker(Link):
     reads_on: ClassVar[bool] = True
     config: PoseTrackerConfig
 
-    def __init__(self, config: PoseTrackerConfig) -> None:
+    def __init__(
+        self, config: PoseTrackerConfig, now_ns: Callable[[], int] = time.monotonic_ns
+    ) -> None:
         super().__init__(config)
+        self._now_ns = now_ns  # the clock of the cycles
         self._port = DatagramPort(config.host, config.port, config.sender)
         self._latency_ns = round(config.latency * 1e9)
         self._bodies: dict[str, Inbox] = {}
@@ -68,6 +72,7 @@ class PoseTracker(Link):
         self._bad: Counter[str] = Counter()
         self._last = ""  # the last of them, in detail
         self._time = TimeBase()
+        self._heard_ns = 0  # by the camera's clock
         self._begun_ns: int | None = None
         self._frame: tuple[int, int] | None = None  # the newest, and the time recorded for it
         self._first: Frame | None = None
@@ -117,7 +122,7 @@ class PoseTracker(Link):
                     return True
                 self._reader.check()
                 if self._port.wait(left_s):
-                    self._receive(lambda frame: None)
+                    self._receive(self._hear)
             return until()
 
     def begin(self, t_ns: int) -> None:
@@ -157,7 +162,7 @@ class PoseTracker(Link):
     def _read_idle(self) -> None:
         """Take in what has come; it is too old for the first cycle. Bounded."""
         for _ in range(_BURSTS):
-            self._receive(lambda frame: None)
+            self._receive(self._hear)
             if not self._port.crowded:
                 return
 
@@ -184,6 +189,13 @@ class PoseTracker(Link):
         elif frame.number > self._first.number:
             elapsed_ns = frame.camera_ns - self._first.camera_ns
             self.rate_hz = (frame.number - self._first.number) * 1e9 / max(elapsed_ns, 1)
+
+    def _hear(self, frame: Frame) -> None:
+        """Follow the delay of ``frame``, of which no cycle makes a row."""
+        if frame.camera_ns < self._heard_ns:  # the tracker has begun anew, from another zero
+            self._time = TimeBase()
+        self._heard_ns = frame.camera_ns
+        self._time.hear(self._now_ns(), frame.camera_ns)
 
     def _deliver(self, frame: Frame, t_ns: int) -> None:
         """Hand out the poses of ``frame``, which the cycle at ``t_ns`` has received."""
