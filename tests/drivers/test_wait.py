@@ -12,7 +12,7 @@ def test_looks_end_once_their_time_is_over() -> None:
     left = list(looks(0.01))
     assert left == sorted(left, reverse=True)
     assert 0 < left[0] <= 0.01
-    assert [one for one in left if one == 0] == [0]
+    assert [each for each in left if each == 0] == [0]
 
 
 @pytest.mark.parametrize("late", [1, 3])

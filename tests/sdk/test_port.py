@@ -286,6 +286,18 @@ def test_question_after_late_answer_gets_its_own(far: Far) -> None:
     asyncio.run(main())
 
 
+def test_action_with_doubtful_answer_is_sent_once(far: Far) -> None:
+    async def main() -> None:
+        async with opened(far, late_s=0.1) as port:
+            assert await port.ask(b"?\n", lambda line: line, timeout_s=0.02) is None
+            asyncio.get_running_loop().call_later(0.5, far.send, b"done\r\n")
+            assert await port.ask(b"step\n", lambda line: line, timeout_s=20.0, once=True) is None
+            assert far.receive() == b"?\nstep\n"
+            assert not port.is_doubtful
+
+    asyncio.run(main())
+
+
 def test_rest_of_a_line_is_no_answer(far: Far) -> None:
     async def main() -> None:
         async with opened(far) as port:

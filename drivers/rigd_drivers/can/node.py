@@ -202,8 +202,8 @@ class Node:
             self._beside_sheet.add(entry)
         return int.from_bytes(data, "little", signed=entry.code.islower())
 
-    def write(self, entry: Entry, value: int) -> None:
-        """Write ``value`` to ``entry``.
+    def write(self, entry: Entry, value: int, *, once: bool = False) -> None:
+        """Write ``value`` to ``entry``; ``once``, also if the answer may have been lost.
 
         Raises:
             LinkError, ProtocolError: see :meth:`read`.
@@ -215,6 +215,7 @@ class Node:
             self._carry_out(
                 lambda: sdo.Download(entry.index, entry.sub, data),
                 is_done=lambda: self._has(entry, data),
+                tries=1 if once else _TRIES,
             )
         except sdo.Aborted as error:
             raise self.refused(entry, value, error) from error
@@ -402,14 +403,18 @@ class Node:
         return self._carry_out(lambda: sdo.Upload(index, sub))
 
     def _carry_out(
-        self, make: Callable[[], TransferT], *, is_done: Callable[[], bool] = lambda: False
+        self,
+        make: Callable[[], TransferT],
+        *,
+        is_done: Callable[[], bool] = lambda: False,
+        tries: int = _TRIES,
     ) -> TransferT:
         """Carry out the transfer that ``make`` returns; again if it may have been disturbed.
 
         The answer may have been lost, or the node may have mixed up the frames of two clients.
         ``is_done``: whether the node has done it though it did not answer.
         """
-        for left in reversed(range(_TRIES)):
+        for left in reversed(range(tries)):
             transfer, before = make(), self.disturbances()
             try:
                 requests = self._run(transfer, before)

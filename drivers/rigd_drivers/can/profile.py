@@ -131,8 +131,10 @@ class NodeProfile(DeviceFile):
 
         """
         for each in self.setup:
-            write = node.ensure if each.keeps else node.write
-            write(*each.pair())
+            if each.keeps:
+                node.ensure(*each.pair())
+            else:  # what it does not keep, it may do: twice is not once
+                node.write(*each.pair(), once=True)
 
     def reads(self) -> Iterator[Entry]:
         """Yield the objects that :meth:`confirm` reads."""

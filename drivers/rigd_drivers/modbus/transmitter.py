@@ -24,6 +24,7 @@ from rigd_drivers.device_file import FromFile
 from rigd_drivers.modbus.connection import ConnectionConfig
 from rigd_drivers.modbus.device import ModbusDevice, silent_s
 from rigd_drivers.modbus.exchange import Answer, Failure
+from rigd_drivers.modbus.framing import Trouble
 from rigd_drivers.modbus.pdu import ACKNOWLEDGED, EXCEPTIONS, Request
 from rigd_drivers.modbus.registers import (
     Access,
@@ -57,6 +58,8 @@ class Action(Described):
     """What it does, in a line."""
     writes: Annotated[tuple[Write, ...], MinLen(1)]
     """What is written, in order."""
+    repeats: bool = False
+    """Done twice it is as done once: a write that is not answered is made again."""
 
 
 class TransmitterMap(Access):
@@ -164,6 +167,7 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
         self._turn = 0
         self._words: dict[int, int] = {}
         self._acting: str | None = None
+        self._repeats = False  # a write of that may be made again
         self._to_write: deque[Request] = deque()
         self._tries = 0
         self._refused: str | None = None
@@ -238,6 +242,7 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
         if self._acting is not None:
             raise DeviceError(f"{self._acting} is still under way")
         self._acting, self._refused, self._tries = action, None, 0
+        self._repeats = self._map.actions[action].repeats
         self._to_write = deque(self._map.writes(self._map.actions[action].writes))
 
     def acted(self) -> str | None:
@@ -258,7 +263,7 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
         """Do nothing: it only measures, and moves nothing."""
 
     def failed(self, failure: Failure) -> None:
-        """Ask again: the action, unless it was accepted, or the row from its beginning."""
+        """Ask again: the action if it may be repeated, or the row from its beginning."""
         self._turn = 0
         if not self._to_write or failure.request is not self._to_write[0]:
             return
@@ -266,9 +271,10 @@ class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
             self._to_write.popleft()
             return
         self._tries += 1
-        if self._tries >= _TRIES:
+        again = self._repeats or failure.trouble is Trouble.REFUSED  # it is busy: it did nothing
+        if not again or self._tries >= _TRIES:
             self._to_write.clear()
-            self._refused = f"no answer to the {failure.request.text}"
+            self._refused = f"no answer to the {failure.request.text}: it may be done or not"
 
     def refused(self, failure: Failure) -> bool:
         """Note a refusal; return True if it was of an action."""

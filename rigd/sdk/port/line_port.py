@@ -69,8 +69,8 @@ class LinePort:
     def is_doubtful(self) -> bool:
         """Whether :meth:`ask` will send its question twice, as an earlier answer may still come.
 
-        Before a question that is not to be repeated, such as that for an entry of a queue, ask
-        another.
+        Before one that is not to be repeated, such as an action or a question for an entry of a
+        queue, ask another.
         """
         return self._questions.is_doubtful
 
@@ -153,19 +153,25 @@ class LinePort:
         self._not_before = loop.time() + self._min_interval_s
 
     async def ask(
-        self, question: bytes, take: Callable[[bytes], T | None], timeout_s: float
+        self,
+        question: bytes,
+        take: Callable[[bytes], T | None],
+        timeout_s: float,
+        *,
+        once: bool = False,
     ) -> T | None:
         """Send ``question`` and return what ``take`` makes of its answer; None if it does not come.
 
         Lines of which ``take`` makes None are passed over: an echo, or a damaged line. An answer
-        that may belong to an earlier question is discarded, and the question sent once more.
+        that may belong to an earlier question is discarded, and the question sent once more; not
+        one to be sent ``once``, since it makes the device act.
 
         Raises:
             DeviceError: the port is gone.
             LinkError: it is not open, or takes no bytes.
 
         """
-        for _ in range(2):
+        for _ in range(1 if once else 2):
             await self.question(question)
             loop = asyncio.get_running_loop()
             deadline = loop.time() + timeout_s

@@ -19,6 +19,7 @@ from rigd_drivers.can.bus import CanBus, CanBusConfig
 from rigd_drivers.can.canopen import objects
 from rigd_drivers.can.canopen.sheet import read_sheet
 from rigd_drivers.can.node import Node
+from rigd_drivers.can.profile import EncoderProfile
 
 DEVICE_TYPE = bytes.fromhex("43 00 10 00 92 01 02 00")
 #: Replies of node 1 to other clients, when ours is for 1000:00.
@@ -87,6 +88,28 @@ def test_node_that_drops_our_request_is_asked_again(connect: Connect) -> None:
     node.attach()
     node.sdo_timeout_s = 0.02
     assert node.read(objects.DEVICE_TYPE) == 0x0002_0192
+
+
+def test_write_that_acts_is_sent_once(connect: Connect) -> None:
+    sent: list[bytes] = []
+
+    class Acting(ScriptedNode):
+        def hear(self, identifier: int, data: bytes) -> None:
+            if identifier == 0x601 and data[0] >> 5 == 1:
+                sent.append(data)  # its answer is lost, beside one to another client
+                port.say(0x601, "40 41 60 00 00 00 00 00")
+            else:
+                super().hear(identifier, data)
+
+    bus, port = connect(Acting(1, servo().objects | {(0x2000, 0): b"\0"}), listen=True)
+    node = Node(bus, 1)
+    node.attach()
+    node.sdo_timeout_s = 0.02
+    step = {"object": "2000:00", "type": "uint8", "value": 1, "name": "step", "keeps": False}
+    profile = EncoderProfile.model_validate({"title": "stepper", "source": "test", "setup": [step]})
+    with pytest.raises(LinkError, match="another SDO client"):
+        profile.prepare(node)
+    assert len(sent) == 1
 
 
 def test_segments_beside_another_client_are_read_anew(connect: Connect) -> None:

@@ -292,6 +292,37 @@ def test_action_that_is_being_processed_is_not_repeated(transmitter: Transmitter
     assert rows_of(driver, 2)[-1][0] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("repeats", [False, True])
+def test_action_without_answer_is_repeated_if_harmless(
+    transmitter: TransmitterBench, repeats: bool
+) -> None:
+    step: dict[str, Any] = {"doc": "?", "writes": [{"address": 5, "value": 7}]}
+    custom = {
+        "title": "TLB4",
+        "source": "none",
+        "write_function": 16,
+        "force": {"address": 9, "type": "uint32"},
+        "actions": {"step": step | ({"repeats": True} if repeats else {})},
+    }
+    driver = opened(transmitter, map=custom)
+
+    class Losing(CountingBank):
+        def answer(self, pdu: bytes) -> bytes:
+            answer = super().answer(pdu)
+            if pdu[0] == 16 and self.writes == 1:
+                transmitter.part.inject("silent", count=1)
+            return answer
+
+    bank = transmitter.part.bank = Losing(transmitter.part.bank)
+    driver.act("step")
+    if repeats:
+        cycle(driver, lambda rows: driver.acted() is not None)
+    else:
+        with pytest.raises(DeviceError, match=r"step: no answer to the .* it may be done or not"):
+            cycle(driver, lambda rows: driver.acted() is not None)
+    assert bank.writes == 1 + repeats
+
+
 def test_refused_action_is_reported_and_measuring_continues(transmitter: TransmitterBench) -> None:
     custom = {
         "title": "TLB4 with a command it has not",

@@ -279,9 +279,7 @@ def test_make_safe_opens_and_lets_one_shot_drop(rig: Rig) -> None:
     armed(driver)
 
 
-def test_relay_that_card_opens_in_a_stall_is_safe(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_relay_opened_during_stall_is_safe(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     driver = armed(rig.opened())
     cycles(driver, 1.0, lambda: rig.bench.closed)
     rig.inject("stall", seconds=0.05)

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.instruments.scale import driver as module
 from rigd_drivers.instruments.scale.driver import ScaleConfig, ScaleStatus, SerialScale
+from rigd_drivers.instruments.scale.replies import Reading
 from rigd_sim.wire.instruments.scale import SimScale
 from rigd_sim.wire.instruments.scale_languages import STABILITY_S, AndD
 
@@ -367,6 +368,39 @@ def test_abandoned_tare_is_cancelled_at_scale(
                 while found.scale._language._waiting is not None:
                     await asyncio.sleep(0)
             assert found.scale.weighing.tare_kg == 0.0
+
+    asyncio.run(main())
+
+
+def test_tare_behind_a_lost_reading_is_sent_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reading of the run is lost between the one that was stable and the command."""
+    monkeypatch.setattr(module, "REPLY_S", 0.3)
+
+    async def main() -> None:
+        async with bench(tmp_path) as found:
+            driver, language = found.driver, found.scale._language
+            heard: list[bytes] = []
+            lost: list[list[bytes]] = []
+            rest, answer = driver._rest, language.answer
+
+            def answered(command: bytes, now_s: float) -> list[bytes]:
+                heard.append(command)
+                return lost.pop() if lost else answer(command, now_s)
+
+            async def rest_and_read(action: str) -> Reading:
+                reading = await rest(action)
+                lost.append([])
+                read = driver._dialect.read, driver._dialect.parse_reading
+                assert await driver._exchange(*read, module.REPLY_S) is None
+                return reading
+
+            await driver.open()
+            monkeypatch.setattr(language, "answer", answered)
+            monkeypatch.setattr(driver, "_rest", rest_and_read)
+            assert await driver.act("tare") == "tare 2.000 kg"
+            assert heard.count(b"T") == 1
 
     asyncio.run(main())
 

@@ -201,7 +201,7 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
         answer: Done | Refusal | None = None
         async with self._one_at_a_time:
             try:
-                answer = await self._exchange(command, parse, ACTION_S)
+                answer = await self._order(command, parse, ACTION_S)
             finally:
                 if answer is None:  # given up or cancelled: it must not tare some time later
                     self._end(self._dialect.cancel)
@@ -326,7 +326,7 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
         """Do an action of a dialect that need not confirm: it is done once zero is shown."""
         loop = asyncio.get_running_loop()
         async with self._one_at_a_time:
-            refusal = await self._exchange(command, and_d.parse_error, QUIET_S)
+            refusal = await self._order(command, and_d.parse_error, QUIET_S)
         if refusal is not None:
             raise _refused(action, refusal)
         deadline = loop.time() + ACTION_S
@@ -341,15 +341,31 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
                 )
             await asyncio.sleep(self.config.interval)
 
-    async def _exchange(
+    async def _order(
         self, command: bytes, parse: Callable[[bytes], T | None], timeout_s: float
+    ) -> T | None:
+        """Send the ``command`` of an action, never twice; see :meth:`_exchange`."""
+        if self._port.is_doubtful:  # a reading was lost: one that comes ends the doubt
+            await self._exchange(self._dialect.read, self._dialect.parse_reading, REPLY_S)
+        return await self._exchange(command, parse, timeout_s, once=True)
+
+    async def _exchange(
+        self,
+        command: bytes,
+        parse: Callable[[bytes], T | None],
+        timeout_s: float,
+        *,
+        once: bool = False,
     ) -> T | None:
         """Send ``command`` and return the first line that ``parse`` takes; None when there is none.
 
         Other lines (an echo, damaged ones) are passed over.
         """
         return await self._port.ask(
-            command, lambda line: parse(line.removeprefix(and_d.ACKNOWLEDGED)), timeout_s
+            command,
+            lambda line: parse(line.removeprefix(and_d.ACKNOWLEDGED)),
+            timeout_s,
+            once=once,
         )
 
 
