@@ -84,7 +84,7 @@ class _Request:
                 return self._entry.unpack(self._upload.value(self._entry.size))
             except ValueError as error:
                 raise ProtocolError(f"{node}: {error}") from error
-        if time.monotonic_ns() > self._deadline_ns:
+        if node.bus.now_ns > self._deadline_ns:  # what came until then has been taken in
             raise node.silent(str(self._entry), node.disturbances(self._before))
         return None
 

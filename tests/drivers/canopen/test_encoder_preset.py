@@ -58,6 +58,24 @@ def reply(driver: Cia406Encoder, cycles: int = 20) -> str | None:
     return None
 
 
+def test_answer_that_comes_during_a_stall_is_taken(connect: Connect, clock: Clock) -> None:
+    node = made()
+    bus, port = connect(node)
+    driver = encoder(bus, preset=1000)
+    driver.open()
+    driver.act("preset")
+    assert driver.acted() is None
+    driver.link.end(0)
+    held = list(port.coming)
+    port.coming.clear()
+    driver.link.begin(0)
+    port.coming += held  # within a cycle this computer stands still
+    clock.pass_by(60.0)
+    assert driver.acted() is None
+    driver.link.end(0)
+    assert "shows 1000 counts" in (reply(driver) or "")
+
+
 def test_preset_becomes_count_without_a_movement(connect: Connect) -> None:
     node = made()
     bus, port = connect(node)

@@ -512,7 +512,7 @@ class Servo(Driver[ServoConfigT, CanBus]):
     def _check_arming(self) -> None:
         if not self._armed or self._enabled:
             return
-        if time.monotonic_ns() - self._armed_ns > _ARMING_NS:
+        if self.link.now_ns - self._armed_ns > _ARMING_NS:
             word = self._homing.shown
             state = cia402.state_of(word)
             lacks, hint = "", None if word & cia402.VOLTAGE else by_sdo.NOT_ENABLED

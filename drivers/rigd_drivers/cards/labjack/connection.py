@@ -9,6 +9,7 @@ from typing import Final
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.cards.labjack.registers import FEEDBACK, LAST_ERROR, Packet, packet
 from rigd_drivers.modbus.transport import TcpTransport
+from rigd_drivers.wait import looks
 
 #: Header up to its length field (transaction, protocol, length), and what the length counts before
 #: the data: unit and function.
@@ -101,7 +102,8 @@ class Connection:
         began_s = time.monotonic()
         poll = select.poll()
         poll.register(self._transport.fileno(), select.POLLIN)
-        while True:
+        for left_s in looks(until_s - began_s):
+            poll.poll(left_s * 1e3)
             self._buffer += self._transport.receive()
             while (answer := self._taken()) is not None:
                 function, data = answer
@@ -113,14 +115,10 @@ class Connection:
                     f"{self.where} answered with function {function}; expected {FEEDBACK}",
                     hint="the device at this address is no T7 or T4",
                 )
-            left_s = until_s - time.monotonic()
-            if left_s <= 0:
-                raise LinkError(
-                    f"{self.where} has not answered within "
-                    f"{max(until_s - began_s, 0.0) * 1e3:.0f} ms",
-                    hint="check its power and cable, and that no other program floods it",
-                )
-            poll.poll(left_s * 1e3)
+        raise LinkError(
+            f"{self.where} has not answered within {max(until_s - began_s, 0.0) * 1e3:.0f} ms",
+            hint="check its power and cable, and that no other program floods it",
+        )
 
     def _taken(self) -> tuple[int, bytes] | None:
         """Take frames off the buffer: function and data of the answer asked for, or None yet.
