@@ -201,7 +201,7 @@ def test_output_that_goes_off_is_a_fault(tmp_path: Path) -> None:
 def test_output_off_by_make_safe_is_no_fault(tmp_path: Path) -> None:
     async def scene(driver: Scpi, oven: SimOven) -> None:
         async def check() -> None:
-            async with driver._lock:
+            async with driver._sequence:
                 await driver._check_output()
 
         await armed(driver)
@@ -229,7 +229,7 @@ def test_refused_setpoint_after_lost_answer_is_named(tmp_path: Path) -> None:
 
     async def scene(driver: Scpi, oven: SimOven) -> None:
         oven.inject("lost")
-        assert await driver._take() is None
+        assert isinstance(await driver._take(), LinkError)
         oven.clear("lost")
         with pytest.raises(DeviceError, match=r"-222 'Data out of range' when temperature is set"):
             await driver.write([350.0 + ICE])

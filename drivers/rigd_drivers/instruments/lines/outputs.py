@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from string import Formatter
-from typing import Annotated, Final, Self
+from typing import TYPE_CHECKING, Annotated, Final, Self
 
 from annotated_types import Ge, Le, MinLen
 from pydantic import field_validator, model_validator
@@ -35,7 +35,10 @@ class BoundedOutput(LineChannel):
 
 
 class ReadBack(BoundedOutput):
-    """A setpoint that may be read back from the device."""
+    """A setpoint that may be read back from the device, by its `read`."""
+
+    if TYPE_CHECKING:
+        read: str | None
 
     within: str | None = None
     """How far that answer may be from the setpoint; by default 0.1 % of its range."""

@@ -11,10 +11,10 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from rigd.model.machine.extras import is_installed
-from rigd.sdk import Channel, DriverConfig, In, WrongEntries, wrong_entry
+from rigd.sdk import DriverConfig, In, WrongEntries, wrong_entry
 from rigd_drivers.instruments.lines.config import ChannelName, LineChannel
 from rigd_drivers.instruments.lines.outputs import ReadBack, check_acting, check_read_back
-from rigd_drivers.instruments.polling import silence_of
+from rigd_drivers.instruments.polling import PolledConfig
 from rigd_drivers.instruments.pymeasure_bridge.checking import Use, problems
 
 #: The extra that brings PyMeasure.
@@ -81,7 +81,7 @@ class AttributeState(DriverConfig):
         return self
 
 
-class PymeasureConfig(DriverConfig):
+class PymeasureConfig(PolledConfig):
     """A class of PyMeasure, its address, what is read, what is set and how it is made safe."""
 
     instrument: Annotated[str, Field(pattern=r"^[A-Za-z]\w*(\.[A-Za-z]\w*)+$")]
@@ -200,21 +200,6 @@ class PymeasureConfig(DriverConfig):
             yield ("identify",), Use(self.identify, "read")
         if self.errors is not None:
             yield ("errors",), Use(self.errors, "call")
-
-    @property
-    def silence_s(self) -> float:
-        """Longest time without a row, in s."""
-        if self.silence is not None:
-            return self.silence
-        return silence_of(self.period, self.timeout, len(self.channels) + 2)
-
-    def measured(self) -> tuple[Channel, ...]:
-        """Return the channels in SI."""
-        return tuple(item.channel(name) for name, item in self.channels.items())
-
-    def taken(self) -> tuple[Channel, ...]:
-        """Return the setpoints in SI."""
-        return tuple(item.channel(name) for name, item in self.setpoints.items())
 
 
 def value_of(text: Value) -> bool | int | float | str:

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
-from collections.abc import Sequence
 from typing import Any, ClassVar, Final
 
 from rigd.model.machine.extras import is_installed, missing
 from rigd.sdk import (
-    Declaration,
     DeviceError,
     DriverConfig,
-    EmitRow,
     LinkError,
     ProtocolError,
-    SlowDriver,
 )
-from rigd_drivers.instruments.polling import PolledStatus, in_range, poll
+from rigd_drivers.instruments.polling import PolledInstrument
 from rigd_drivers.instruments.pymeasure_bridge.config import (
     EXTRA,
+    AttributeChannel,
+    AttributeState,
     PymeasureConfig,
     class_name,
     number_of,
@@ -29,18 +28,14 @@ from rigd_drivers.instruments.pymeasure_bridge.config import (
 from rigd_drivers.instruments.pymeasure_bridge.process import OPEN_S, Gone, NoAnswer, Process
 from rigd_drivers.instruments.scpi.replies import LARGEST
 
-#: Longest time until the output shows that it is on, in s.
-READY_S: Final = 1.5
 #: So long an opening that failed waits for its process, in s: the daemon waits 2 s in all.
 _FAILED_S: Final = 1.0
-#: Pause between two looks at `state`, in s.
-PAUSE_S: Final = 0.05
-#: The driver fails before the daemon calls the device silent, so that its message is seen; in s.
+#: How much longer than its answers a call of PyMeasure may take, in s.
 _MARGIN_S: Final = 1.0
 _HINT: Final = "check that it is on, its cable, `address`, `connection` and `visa_library`"
 
 
-class Pymeasure(SlowDriver[PymeasureConfig, None]):
+class Pymeasure(PolledInstrument[PymeasureConfig]):
     """Reads channels and takes setpoints by attributes of a class of PyMeasure.
 
     Safe is what `safe` makes of it, once `state` shows it; an instrument without setpoints is
@@ -51,28 +46,18 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
     Config: ClassVar[type[DriverConfig]] = PymeasureConfig
     title: ClassVar[str] = "instrument of PyMeasure: attributes of its class"
     unshared: ClassVar[tuple[str, ...]] = ("address",)
-    second_link: ClassVar[bool] = True
 
     def __init__(self, config: PymeasureConfig, link: None) -> None:
-        super().__init__(config, link)
-        self._where = f"{class_name(config.instrument)} at {config.address}"
-        self._call_s = _call_s(config)
+        where = f"{class_name(config.instrument)} at {config.address}"
+        super().__init__(config, where, contextlib.nullcontext())
+        self._call_s = self.longest_s(config)
         self._lock = asyncio.Lock()  # one question at a time
         self._process: Process | None = None
-        self._armed = False
-        self._wrong: LinkError | ProtocolError | None = None  # why the last row is incomplete
 
     @classmethod
-    def declare(cls, config: PymeasureConfig) -> Declaration:
-        """Return the channels and setpoints of the rig file."""
-        return Declaration(
-            channels=config.measured(),
-            setpoints=config.taken(),
-            plain_rows=True,
-            has_status=True,
-            status_bits={(bit.name or "").lower(): bit.value for bit in PolledStatus},
-            silent_s=config.silence_s + _call_s(config) + _MARGIN_S,
-        )
+    def longest_s(cls, config: PymeasureConfig) -> float:
+        """See :class:`PolledInstrument`: PyMeasure may ask the instrument twice in a call."""
+        return 2 * config.timeout + _MARGIN_S
 
     async def open(self) -> None:
         """Start the process, open the instrument, do `start`, and read the first channel.
@@ -91,74 +76,14 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
             await self._begin(process)
             self._process = process
             await self._done("it is opened", "start")
-            self.identity = await self._identity()
-            if await self._row() is None:
-                raise self._failure()
+            self.identity = await self._identity(self._where)
+            if not isinstance(row := await self._row(), tuple):
+                raise row
             await self._raise_errors("it is opened")
         except BaseException:  # also when cancelled: nothing may stay open, nor on by `start`
             self._process = None
             await process.end(_FAILED_S)
             raise
-
-    async def run(self, emit: EmitRow) -> None:
-        """Emit a row each period.
-
-        Raises:
-            DeviceError: its queue has an error, or its output went off by itself.
-            LinkError, ProtocolError: no complete row comes any more.
-        """
-        await poll(
-            self._take,
-            emit,
-            period_s=self.config.period,
-            silence_s=self.config.silence_s,
-            failure=self._failure,
-        )
-
-    async def write(self, setpoints: Sequence[float]) -> None:
-        """Write each setpoint, read it back if the rig file has `read`, and look for errors.
-
-        Raises:
-            DeviceError: PyMeasure or the instrument refuses it, or the instrument has another.
-            LinkError, ProtocolError: it does not answer, or no number.
-        """
-        for (name, item), value in zip(self.config.setpoints.items(), setpoints, strict=True):
-            number = number_of(item, value)
-            await self._done(f"{name} is set", "steps", steps=[(item.write, number)])
-            await self._raise_errors(f"{name} is set")
-            if item.read is None:
-                continue
-            found = await self._read(item.read)
-            if not _is_number(found) or item.apart(value, item.si(found)):
-                raise DeviceError(
-                    f"{self._where} was given {item.write} = {number!r}, and has {item.read} = "
-                    f"{_shown(found)}",
-                    hint="check `low`, `high` and `within`, and whether it is in local mode",
-                )
-
-    async def arm(self) -> None:
-        """Do `arm`, and wait until `state` shows that the output is on.
-
-        Raises:
-            DeviceError: PyMeasure refuses, it reports an error, or its output stays off.
-            LinkError: it does not answer.
-        """
-        state = self.config.state
-        if state is None:
-            return
-        await self._done("it is armed", "steps", steps=steps(self.config.arm))
-        await self._raise_errors("it is armed")
-        loop = asyncio.get_running_loop()
-        until_s = loop.time() + READY_S
-        while (found := await self._read(state.read)) != value_of(state.ready):
-            if loop.time() > until_s:
-                raise DeviceError(
-                    f"{self._where} has {state.read} = {_shown(found)}, expected "
-                    f"{state.ready}: its output is not on",
-                    hint="check `arm`, and what keeps its output off",
-                )
-            await asyncio.sleep(PAUSE_S)
-        self._armed = True
 
     async def make_safe(self) -> None:
         """Do `safe` once the question that is open has ended; then check that `state` shows it.
@@ -170,20 +95,14 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
             LinkError: it cannot be reached, or does not answer.
         """
         self._armed = False
-        state = self.config.state
-        if self._process is None or state is None:
+        if self._process is None or self.config.state is None:
             return
         try:
             await self._done("it is made safe", "safe")
         except (LinkError, DeviceError) as error:
             await self._again(isinstance(error, Gone))
             await self._done("it is made safe", "safe")
-        found = await self._read(state.read)
-        if found != value_of(state.safe):
-            raise DeviceError(
-                f"{self._where} has {state.read} = {_shown(found)} after `safe`, expected "
-                f"{state.safe}"
-            )
+        await self._check_safe()
 
     async def rescue(self) -> None:
         """Do `safe` before anything is read, then look at `state`; see :class:`SlowDriver`."""
@@ -238,86 +157,45 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
             self._process = self._new_process(acted=True)
             await self._begin(self._process)
 
-    async def _identity(self) -> str:
-        if self.config.identify is None:
-            return self._where
-        found = await self._read(self.config.identify)
-        identity = found if isinstance(found, str) else _shown(found)
-        if self.config.model not in identity:
-            raise ProtocolError(
-                f"{self._where} is {identity!r}, which has no {self.config.model!r}",
-                hint="check `address` and `model`",
-            )
-        return identity
+    def _question(self, item: AttributeChannel | AttributeState) -> str:
+        return item.read
 
-    async def _take(self) -> tuple[float, ...] | None:
-        """Return a row; None if it is not complete."""
-        row = await self._row()
-        if row is not None:
-            await self._raise_errors("it measures")
-            await self._check_output()
-        return row
+    def _answer(self, text: str) -> tuple[Any, str]:
+        return value_of(text), text
 
-    async def _row(self) -> tuple[float, ...] | None:
-        """Return values in SI and the status; None if one is missing or no number."""
-        values, status = [], 0
-        for name, item in self.config.channels.items():
-            found = await self._reading(item.read)
-            if found is None:
-                return None
-            value = item.si(found)
-            if not in_range(value, item, name):
-                self._wrong = ProtocolError(
-                    f"{self._where} has {item.read} = {found!r}, beyond the range of {name}",
-                    hint="compare the value with `unit`, `low` and `high` of the channel",
-                )
-                return None
-            status |= PolledStatus.BEYOND if math.isnan(value) else 0
-            values.append(value)
-        return (*values, int(status))
+    def _said(self, question: str, found: Any) -> str:
+        return f"has {question} = {_shown(found)}"
 
-    async def _reading(self, path: str) -> float | None:
-        """Return the number in an attribute, NaN for one that means none; None: there is none."""
+    async def _set(self, name: str, value: float) -> str:
+        item = self.config.setpoints[name]
+        number = number_of(item, value)
+        await self._done(f"{name} is set", "steps", steps=[(item.write, number)])
+        return f"{item.write} = {number!r}"
+
+    async def _switch_on(self) -> None:
+        await self._done("it is armed", "steps", steps=steps(self.config.arm))
+
+    async def _number(self, path: str) -> float | LinkError | ProtocolError:
+        """See :class:`PolledInstrument`; raises Gone if the process has ended."""
         try:
             found = await self._ask("read", path=path)
         except Gone:
             raise
         except NoAnswer:
-            self._wrong = LinkError(
-                f"{self._where} does not answer when {path} is read", hint=_HINT
-            )
-            return None
+            return LinkError(f"{self._where} does not answer when {path} is read", hint=_HINT)
         except LinkError as error:
-            self._wrong = LinkError(
-                f"{self._where}: {path} cannot be read: {error.message}", hint=_HINT
-            )
-            return None
+            return LinkError(f"{self._where}: {path} cannot be read: {error.message}", hint=_HINT)
         except DeviceError as error:
-            self._wrong = ProtocolError(
+            return ProtocolError(
                 f"{self._where}: {path} cannot be read: {error.message}",
                 hint="compare the class with the manual of the instrument",
             )
-            return None
         if not _is_number(found):
-            self._wrong = ProtocolError(
+            return ProtocolError(
                 f"{self._where} has {path} = {_shown(found)}, which is no number",
                 hint="choose an attribute with one number, and check that the class fits",
             )
-            return None
         return math.nan if not abs(found) < LARGEST else float(found)
-
-    async def _check_output(self) -> None:
-        """Raise if the output has gone off by itself."""
-        state = self.config.state
-        if state is None or not self._armed:
-            return
-        found = await self._read(state.read)
-        if found != value_of(state.ready) and self._armed:
-            raise DeviceError(
-                f"{self._where} has {state.read} = {_shown(found)} in mid-run: its output is not "
-                "on any more",
-                hint="look at its panel: a limit or its protection has switched it off",
-            )
 
     async def _raise_errors(self, when: str) -> None:
         """Raise what stands in the error queue."""
@@ -330,7 +208,7 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
                 hint="look the error up in its manual",
             )
 
-    async def _read(self, path: str) -> Any:
+    async def _get(self, path: str) -> Any:
         """Return the value of an attribute.
 
         Raises:
@@ -367,14 +245,6 @@ class Pymeasure(SlowDriver[PymeasureConfig, None]):
                 raise LinkError(f"{self._where} is not open")
             limit_s = OPEN_S if do == "start" else self._call_s
             return await self._process.ask(limit_s, do=do, **request)
-
-    def _failure(self) -> LinkError | ProtocolError:
-        return self._wrong or LinkError(f"{self._where} gives no row", hint=_HINT)
-
-
-def _call_s(config: PymeasureConfig) -> float:
-    """Return after which time a call of PyMeasure hangs, in s: it asks the instrument twice."""
-    return 2 * config.timeout + _MARGIN_S
 
 
 def _is_number(found: Any) -> bool:

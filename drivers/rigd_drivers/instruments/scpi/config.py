@@ -8,7 +8,7 @@ from typing import Annotated, Self
 from annotated_types import Ge, Le, MinLen
 from pydantic import BeforeValidator, field_validator, model_validator
 
-from rigd.sdk import Channel, In
+from rigd.sdk import In
 from rigd.sdk.port import PortConfig
 from rigd_drivers.instruments.lines.config import ChannelName, Command, Commands, LineChannel
 from rigd_drivers.instruments.lines.outputs import (
@@ -20,7 +20,7 @@ from rigd_drivers.instruments.lines.outputs import (
     check_writes,
 )
 from rigd_drivers.instruments.lines.text import encoded
-from rigd_drivers.instruments.polling import silence_of
+from rigd_drivers.instruments.polling import PolledConfig
 
 
 class ScpiChannel(LineChannel):
@@ -41,7 +41,7 @@ def _named(value: object) -> object:
     return {} if value is None else value
 
 
-class ScpiConfig(PortConfig):
+class ScpiConfig(PolledConfig, PortConfig):
     """The port of an instrument, its questions, its setpoints and how it is made safe."""
 
     channels: Annotated[Mapping[ChannelName, ScpiChannel], MinLen(1)]
@@ -89,21 +89,6 @@ class ScpiConfig(PortConfig):
         check_acting(self.setpoints, acting)
         return self
 
-    @property
-    def silence_s(self) -> float:
-        """Longest time without a row, in s."""
-        if self.silence is not None:
-            return self.silence
-        return silence_of(self.period, self.timeout, len(self.channels) + 2)
-
     def line(self, command: str) -> bytes:
         """Return the bytes of a command with its end."""
         return encoded(command) + encoded(self.end)
-
-    def measured(self) -> tuple[Channel, ...]:
-        """Return the channels in SI."""
-        return tuple(item.channel(name) for name, item in self.channels.items())
-
-    def taken(self) -> tuple[Channel, ...]:
-        """Return the setpoints in SI."""
-        return tuple(item.channel(name) for name, item in self.setpoints.items())
