@@ -22,6 +22,7 @@ from rigd.sdk import (
     ProtocolError,
     SlowDriver,
 )
+from rigd_drivers.wait import looks
 
 if TYPE_CHECKING:
     from rigd_drivers.instruments.lines.config import LineChannel
@@ -206,18 +207,17 @@ class PolledInstrument(SlowDriver[PolledConfigT, None]):
         async with self._sequence:
             await self._switch_on()
             await self._raise_errors("its output is switched on")
-            loop, question = asyncio.get_running_loop(), self._question(state)
+            question, found = self._question(state), None
             ready, shown = self._answer(state.ready)
-            until_s = loop.time() + READY_S
-            while (found := await self._get(question)) != ready:
-                if loop.time() > until_s:
-                    raise DeviceError(
-                        f"{self._where} {self._said(question, found)}, expected {shown}: its "
-                        "output is not on",
-                        hint="check `arm`, and what keeps its output off",
-                    )
+            for _ in looks(READY_S):
+                if (found := await self._get(question)) == ready:
+                    self._armed = True
+                    return
                 await asyncio.sleep(PAUSE_S)
-            self._armed = True
+        raise DeviceError(
+            f"{self._where} {self._said(question, found)}, expected {shown}: its output is not on",
+            hint="check `arm`, and what keeps its output off",
+        )
 
     async def _check_safe(self) -> None:
         """Raise if `state` does not show that it is safe."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.stalls import standing_still
 from support.supply_2260b import Voltages
 from support.visa_bridge import Bridge
 from support.written_drivers import supply_class
@@ -196,6 +197,25 @@ def test_output_that_goes_off_is_a_fault(tmp_path: Path) -> None:
             await rows_of(driver, 1000)
 
     play(tmp_path, scene)
+
+
+def test_output_on_after_a_stall_is_armed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scene(driver: Scpi, oven: SimOven) -> None:
+        get, stall = driver._get, standing_still(monkeypatch)
+        before = ["0"]
+
+        async def stalling(question: str) -> str:
+            if before:  # what it answered before this computer stood still
+                stall()
+                return before.pop()
+            return await get(question)
+
+        monkeypatch.setattr(driver, "_get", stalling)
+        await driver.write([20.0 + ICE])
+        await driver.arm()
+        assert oven.state()["output"]
+
+    play(tmp_path, scene, errors=None)
 
 
 def test_output_off_by_make_safe_is_no_fault(tmp_path: Path) -> None:

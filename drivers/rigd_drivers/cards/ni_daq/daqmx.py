@@ -105,7 +105,8 @@ class Daqmx:
         blocks_s = _MISSED_BLOCKS * self._config.block / self._config.rate
         try:
             began = task.in_stream.curr_read_pos
-            for _ in looks(max(ABANDONED_S, blocks_s)):
+            late = 1 + round(blocks_s / _LOOK_S)  # the other one may have stood still as we did
+            for _ in looks(max(ABANDONED_S, blocks_s), late=late):
                 time.sleep(_LOOK_S)
                 if task.in_stream.curr_read_pos != began:
                     return True

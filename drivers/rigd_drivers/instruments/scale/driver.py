@@ -29,6 +29,7 @@ from rigd.sdk.port import LinePort, Parity, PortConfig
 from rigd_drivers.instruments.scale import and_d, identity
 from rigd_drivers.instruments.scale.dialects import DIALECTS, DialectName
 from rigd_drivers.instruments.scale.replies import UNITS, Done, Load, Reading, Refusal, UnitName
+from rigd_drivers.wait import looks
 
 T = TypeVar("T")
 
@@ -310,36 +311,34 @@ class SerialScale(SlowDriver[ScaleConfig, None]):
 
     async def _rest(self, action: str) -> Reading:
         """Return the first stable reading; rows go on being taken meanwhile."""
-        loop = asyncio.get_running_loop()
-        deadline = loop.time() + REST_S
-        while (reading := await self._patient_reading()).load is not Load.STABLE:
-            if loop.time() >= deadline:
-                raise DeviceError(
-                    f"cannot {action}: the load did not come to rest within {REST_S:g} s "
-                    f"({reading.load.value})",
-                    hint="keep it still, away from draught and vibration, and within the range",
-                )
+        load = Load.DYNAMIC
+        for _ in looks(REST_S):
+            reading = await self._patient_reading()
+            if (load := reading.load) is Load.STABLE:
+                return reading
             await asyncio.sleep(self.config.interval)
-        return reading
+        raise DeviceError(
+            f"cannot {action}: the load did not come to rest within {REST_S:g} s ({load.value})",
+            hint="keep it still, away from draught and vibration, and within the range",
+        )
 
     async def _act_unconfirmed(self, action: str, command: bytes) -> str:
         """Do an action of a dialect that need not confirm: it is done once zero is shown."""
-        loop = asyncio.get_running_loop()
         async with self._one_at_a_time:
             refusal = await self._order(command, and_d.parse_error, QUIET_S)
         if refusal is not None:
             raise _refused(action, refusal)
-        deadline = loop.time() + ACTION_S
-        while True:
+        shown = ""
+        for _ in looks(ACTION_S):
             reading = await self._rest(action)
             if math.isclose(reading.value, 0.0, abs_tol=1e-12):
                 return f"{action} done"
-            if loop.time() >= deadline:
-                raise DeviceError(
-                    f"the scale shows {reading.value:g} {reading.unit} after {action}, not zero",
-                    hint="it may refuse: the load may lie outside the range of " + action,
-                )
+            shown = f"{reading.value:g} {reading.unit}"
             await asyncio.sleep(self.config.interval)
+        raise DeviceError(
+            f"the scale shows {shown} after {action}, not zero",
+            hint="it may refuse: the load may lie outside the range of " + action,
+        )
 
     async def _order(
         self, command: bytes, parse: Callable[[bytes], T | None], timeout_s: float
