@@ -31,7 +31,7 @@ def quantity_schema(unit: str | None = None) -> dict[str, Any]:
     optional = "?" if is_bare else ""
     pattern = (
         rf"^{_NUMBER}[ \t]*(?:{known}){optional}\s*$"
-        rf"|^(?!{_NUMBER}[ \t]*[A-Za-zµμΩ°%]*\s*$)[^,]*$"
+        rf"|^(?!{_NUMBER}[ \t]*[A-Za-zµμΩ°%]*\s*$)[^,]*(?:\([\s\S]*)?$"
     )
     description = "a number with its unit, such as '1.5 A'"
     if unit is not None:

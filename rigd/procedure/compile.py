@@ -14,9 +14,10 @@ from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import RigConfig
+from rigd.language.number import Number, number_in
 from rigd.model.errors import ConfigError
 from rigd.procedure.derived import with_derived
-from rigd.procedure.expression import Number, Scope, Value, number_in
+from rigd.procedure.expression import Scope, Value
 from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
 from rigd.procedure.measures import check_measures

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from rigd.computed.derived.quantities import FormulaError, Stated
 from rigd.config.computed.derived import add_derived
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
+from rigd.language.number import ExpressionError, Number
 from rigd.procedure.expression import Scope
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import ProcedureSource
@@ -22,16 +22,16 @@ def with_derived(
     ``hidden`` have a value only inside a trial, and are refused.
     """
 
-    def named(name: str, offset: int) -> Stated:
+    def named(name: str, offset: int) -> Number:
         value = scope.get(name)
         if value is None:
             hint = suggest(name, scope)
             if name in hidden:
                 hint = f"the sweep varies {name}: a derived channel lives as long as the run"
             lacks = name if name.startswith("rig.") else ""
-            raise FormulaError(f"unknown name '${{{name}}}'", offset, hint, lacks=lacks)
+            raise ExpressionError(f"unknown name '${{{name}}}'", offset, hint, lacks=lacks)
         if isinstance(value, str):
-            raise FormulaError(f"{name} is a word, expected a quantity", offset)
-        return value.value, value.dimension, value.unit
+            raise ExpressionError(f"{name} is a word, expected a quantity", offset)
+        return value
 
     return add_derived(reader.document, source.derived, rig, reader.problems, named)

@@ -10,9 +10,11 @@ from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.config.quantities import read_uncertainty
 from rigd.config.source import ConstantSource
+from rigd.language.number import Number
+from rigd.language.syntax import Literal, Reference
 from rigd.model.constants import Constant, Uncertainty
-from rigd.model.units import parse_quantity, parse_unit
-from rigd.procedure.expression import Literal, Number, Reference, Scope
+from rigd.model.units import parse_unit
+from rigd.procedure.expression import Scope
 from rigd.procedure.program import IdentifyPlan, TrialCheck
 from rigd.procedure.reader import Reader, describe_unit
 from rigd.procedure.source import IdentifySource, ReferenceSource
@@ -105,7 +107,7 @@ def _read_constants(
         known.values[name] = reference if is_swept else value.value
         known.units[name] = reader.units.get(reference) or describe_unit(value)
         if isinstance(root, Literal):
-            known.units[name] = parse_quantity(source.value.strip("+-() \t\n")).unit.symbol
+            known.units[name] = "1" if root.unit is None else root.unit.symbol
         unit = parse_unit(known.units[name])
         u = read_uncertainty(reader.document, (*path, "u"), source.u, unit, reader.problems)
         if source.u is None and reference.startswith("rig."):

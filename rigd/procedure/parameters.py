@@ -6,19 +6,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from rigd.computed.derived.dimensions import fits
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
+from rigd.language.dimensions import fits
+from rigd.language.number import ExpressionError, Number, number_in
 from rigd.model.limits import rounded_to
 from rigd.model.units import dimension_text, format_quantity, meant_unit, parse_unit
-from rigd.procedure.expression import (
-    ExpressionError,
-    Number,
-    Scope,
-    Value,
-    number_in,
-    parse_expression,
-)
+from rigd.procedure.expression import Scope, Value, parse_expression
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import ParameterSource, ProcedureSource
 

@@ -7,20 +7,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rigd.computed.derived.dimensions import fits
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
+from rigd.language.dimensions import fits
+from rigd.language.number import ExpressionError, Number, UnknownName
+from rigd.language.tokens import NAME
 from rigd.model.units import dimension_text, format_quantity, parse_unit, with_unit
-from rigd.procedure.expression import (
-    NAME,
-    Expression,
-    ExpressionError,
-    Number,
-    Scope,
-    UnknownName,
-    Value,
-    parse_expression,
-)
+from rigd.procedure.expression import Expression, Scope, Value, parse_expression
 
 #: What stands for a value in a text, its name written wrongly too.
 _ANY_NAME = re.compile(r"\$\{\s*([^{}]*?)\s*\}")

@@ -12,9 +12,11 @@ from typing import Final
 from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.config.source import Source
+from rigd.language.number import Number
+from rigd.language.tokens import NAME
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import dimension_text, parse_unit
-from rigd.procedure.expression import NAME, Number, Scope, Value
+from rigd.procedure.expression import Scope, Value
 from rigd.procedure.parameters import Parameter, Parameters
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import MoveSource, ProcedureSource, RangeSource

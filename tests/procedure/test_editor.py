@@ -16,11 +16,12 @@ from ruamel.yaml import YAML
 
 from rigd.config.loader import load_rig
 from rigd.config.schema import rig_schema
+from rigd.language.number import ExpressionError
 from rigd.model import ConfigError
 from rigd.model.patterns import condition_schema, quantity_schema
 from rigd.model.units import PREFIXES, parse_quantity, parse_unit, symbols
 from rigd.procedure.compile import compile_procedure
-from rigd.procedure.expression import ExpressionError, parse_expression
+from rigd.procedure.expression import parse_expression
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.source import procedure_schema
 from rigd.sdk.shipped_files import shipped_folder
@@ -115,6 +116,7 @@ EXPRESSIONS = st.recursive(
     lambda inner: st.one_of(
         inner.map(lambda item: f"({item})"),
         st.builds(lambda a, sign, b: f"{a} {sign} {b}", inner, st.sampled_from("+-*/"), inner),
+        inner.map(lambda item: f"max({item}, 2 * {item})"),
     ),
     max_leaves=4,
 )

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from rigd.config.document import parse_document
 from rigd.config.problems import Problems
+from rigd.language.number import ExpressionError, Number
 from rigd.model import parse_unit
-from rigd.procedure.expression import ExpressionError, Number, Value, parse_expression
+from rigd.procedure.expression import Value, parse_expression
 from rigd.procedure.reader import Reader
 
 SCOPE: dict[str, Value] = {
@@ -41,6 +42,12 @@ SCOPE: dict[str, Value] = {
         ("10 - 4 - 3", 3.0, "1"),
         ("12 / 4 / 3", 1.0, "1"),
         ("1 + 2 * 3", 7.0, "1"),
+        ("-2 ** 2", -4.0, "1"),
+        ("sqrt(${current} ** 2 + (1.5 A) ** 2)", 2.5, "A"),
+        ("max(${current}, 300 mA)", 2.0, "A"),
+        ("where(${current} > 1 A and not 1 m > 2 m, 3 m, 4 m)", 3.0, "m"),
+        ("lookup(${current}, [0 A, 4 A], [0 N, 10 N])", 5.0, "N"),
+        ("|-3 N|", 3.0, "N"),
     ],
 )
 def test_expression_gives_value_and_dimension(text: str, value: float, unit: str) -> None:
@@ -73,6 +80,24 @@ def test_radian_beside_length_counts_as_one(text: str, unit: str, is_fit: bool) 
     assert math.isnan(value) != is_fit
 
 
+@pytest.mark.parametrize(
+    ("text", "is_difference"),
+    [
+        ("300 K - 20 degC", True),
+        ("20 degC - 10 degC", True),
+        ("0.5 * (20 degC - 10 degC)", True),
+        ("-(20 degC - 10 degC) + 1 K", True),
+        ("20 degC + 0.5 * (20 degC - 10 degC)", False),
+        ("20 degC - 5 K", False),
+        ("300 K + 5 K", False),
+    ],
+)
+def test_difference_of_values_stays_a_difference(text: str, is_difference: bool) -> None:
+    result = parse_expression(text).value(SCOPE)
+    assert isinstance(result, Number)
+    assert result.is_difference == is_difference
+
+
 def test_reference_to_word_parameter_gives_word() -> None:
     assert parse_expression(" ${floor} ").value(SCOPE) == "stone"
 
@@ -87,20 +112,25 @@ def test_names_are_known_before_evaluation() -> None:
         ("", 0, "missing"),
         ("1 A +", 5, "missing"),
         ("current", 0, "found 'current'"),
-        ("1 A + 1 m", 4, "cannot add m and A"),
-        ("1 A - 2", 4, "cannot subtract a plain number and A"),
+        ("1 A + 1 m", 6, "cannot add m and A"),
+        ("1 A - 2", 6, "cannot subtract a plain number and A"),
         ("2 * ${nothing}", 4, "unknown name '${nothing}'"),
         ("2 * ${floor}", 4, "is the word 'stone'"),
-        ("1 / 0", 2, "division by zero"),
-        ("1 / (1 A - 1 A)", 2, "division by zero"),
+        ("1 / 0", 4, "division by zero"),
+        ("1 / (1 A - 1 A)", 4, "division by zero"),
         ("(1 A", 4, "')' is missing"),
         ("1 A)", 3, "cannot read ')'"),
-        ("1 Q", 1, "unknown unit 'Q'"),
+        ("1 Q", 2, "unknown unit 'Q'"),
         ("1e999 A", 0, "too large"),
-        ("1e300 * 1e300", 6, "too large"),
-        ("(" * 50, 21, "deeper than 20"),
-        ("1" * 400, 0, "longer than 300"),
-        ("${Current}", 0, "found '${Current}'"),
+        ("1e300 * 1e300", 0, "too large"),
+        ("(" * 50, 31, "deeper than 30"),
+        ("1" * 400, 0, "at most 300"),
+        ("derivative(${current})", 11, "needs values over time"),
+        ("mean(${current}, 1 s)", 5, "needs values over time"),
+        ("sqrt(-1 m^2)", 5, "no number"),
+        ("1 A > 0 A", 0, "found a condition"),
+        ("2 * a.b", 4, "found 'a.b'"),
+        ("${Current}", 0, "unknown name '${Current}'"),
     ],
 )
 def test_error_at_its_character(text: str, offset: int, part: str) -> None:

@@ -19,10 +19,11 @@ from rigd.analysis.recordings.corrections import scope_of
 from rigd.analysis.recordings.duplicates import refuse_same_file, refuse_same_trials
 from rigd.config.loader import parse_constants, parse_formulas
 from rigd.config.problems import Problems
+from rigd.language.number import number_in
 from rigd.model.constants import Constant
 from rigd.model.errors import ConfigError, DataError
 from rigd.procedure.conditions.conditions import ChannelFinder
-from rigd.procedure.expression import Value, number_in
+from rigd.procedure.expression import Value
 from rigd.procedure.loader import Procedure, parse_procedure
 from rigd.procedure.measures import measured_channels, read_measures
 from rigd.procedure.parameters import read_tables

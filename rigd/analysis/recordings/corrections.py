@@ -12,10 +12,11 @@ from rigd.analysis.plan import check_plan, find_analysis, of_kind
 from rigd.analysis.recordings.source import Correction, RecordedSweep, needed_trials
 from rigd.config.loader import parse_constants
 from rigd.config.problems import Problems, suggest
+from rigd.language.number import Number, number_in
 from rigd.model.constants import Uncertainty, parse_uncertainty
 from rigd.model.errors import ConfigError, DataError
 from rigd.model.units import format_difference, format_quantity, parse_quantity, parse_unit
-from rigd.procedure.expression import Number, Value, number_in
+from rigd.procedure.expression import Value
 from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
 from rigd.procedure.parameters import choices_of, read_tables

@@ -9,8 +9,9 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.computed.derived.graph import Graph, Op
+from rigd.computed.derived.graph import Graph
 from rigd.computed.derived.kernel import ALWAYS, NEVER, compute, warm
+from rigd.language.operations import Op
 from rigd.model.tables import NOWHERE, Tables
 
 

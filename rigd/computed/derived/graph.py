@@ -8,54 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from enum import IntEnum, unique
 from typing import Self
 
-from rigd.model.units import NO_DIMENSION, Dimension
-
-
-@unique
-class Op(IntEnum):
-    """The operations of a graph; :mod:`rigd.computed.derived.kernel` computes them.
-
-    Those from DERIVATIVE on take a step at a new value only; the others compute in every cycle.
-    """
-
-    CONSTANT = 0
-    INPUT = 1
-    ADD = 2
-    SUBTRACT = 3
-    MULTIPLY = 4
-    DIVIDE = 5
-    NEGATE = 6
-    ABS = 7
-    SQRT = 8
-    SIN = 9
-    COS = 10
-    TAN = 11
-    ATAN2 = 12
-    MIN = 13
-    MAX = 14
-    LESS = 15
-    NOT_ABOVE = 16
-    AND = 17
-    OR = 18
-    NOT = 19
-    WHERE = 20
-    HOLD = 21
-    DEADBAND = 22
-    LOOKUP = 23
-    DERIVATIVE = 24
-    LOWPASS = 25
-    INTEGRAL = 26
-    MEAN = 27
-    RMS = 28
-    HIGHEST = 29
-    LOWEST = 30
-    RATE_LIMIT = 31
-    DELAY = 32
-    EDGES = 33
-
+from rigd.language.number import Number
+from rigd.language.operations import Op
+from rigd.model.units import Dimension
 
 #: Numbers of memory of an operation; those over a window add two for each sample of it.
 MEMORY = {
@@ -109,16 +66,16 @@ class Graph:
     uses: dict[str, frozenset[str]]
     differences: frozenset[str] = frozenset()
 
-    def term(self, name: str, dimension: Dimension) -> Term:
+    def number(self, name: str, dimension: Dimension) -> Number:
         """Return the derived channel ``name``, of this ``dimension``, as a part of a formula."""
         place = self.outputs[name]
         row = self.rows[place]
-        value = self.parameters[row.parameter] if row.op is Op.CONSTANT else None
-        is_condition = Op.LESS <= row.op <= Op.NOT
-        is_difference = name in self.differences
-        return Term(
-            place, dimension, value, is_condition, self.uses[name], is_difference=is_difference
-        )
+        if row.op is Op.CONSTANT:
+            return Number(self.parameters[row.parameter], dimension)
+        return Number(
+            math.nan, dimension, is_difference=name in self.differences,
+            is_condition=Op.LESS <= row.op <= Op.NOT, row=place, uses=self.uses[name],
+        )  # fmt: skip
 
     def is_conditional(self, name: str) -> bool:
         """Return whether ``name``, or a derived channel in it, has a value under a condition only.
@@ -149,30 +106,14 @@ class Graph:
         return found
 
 
-@dataclass(frozen=True)
-class Term:
-    """A part of a formula: its row, its dimension, and its value if it never changes.
-
-    ``is_condition``: it is 1 or 0 (true or false). ``uses`` are the channels of devices in it.
-    ``unit`` is not "" for a fixed quantity in a unit with a zero of its own (``degC``).
-    ``of_arc``: it is an arc over its radius, and may be an angle. ``is_difference``: it is the
-    difference of two values, so that no zero of a unit counts.
-    """
-
-    row: int
-    dimension: Dimension = NO_DIMENSION
-    constant: float | None = None
-    is_condition: bool = False
-    uses: frozenset[str] = frozenset()
-    unit: str = ""
-    of_arc: bool = False
-    is_difference: bool = False
-
-
 @dataclass
 class Builder:
-    """Collects the rows of a graph; what is computed already is not computed again."""
+    """Collects the rows of a graph; what is computed already is not computed again.
 
+    ``period_s`` is that of the cycle.
+    """
+
+    period_s: float
     rows: list[GraphRow] = field(default_factory=list)
     parameters: list[float] = field(default_factory=list)
     states: int = 0
@@ -182,38 +123,29 @@ class Builder:
     _known: dict[tuple[object, ...], int] = field(default_factory=dict)
 
     @classmethod
-    def after(cls, graph: Graph) -> Self:
+    def after(cls, graph: Graph, period_s: float) -> Self:
         """Return a builder that adds to ``graph``: its rows stay what they are."""
-        return cls(list(graph.rows), list(graph.parameters), graph.states, list(graph.inputs))
+        rows, parameters = list(graph.rows), list(graph.parameters)
+        return cls(period_s, rows, parameters, graph.states, list(graph.inputs))
 
-    def constant(self, value: float, dimension: Dimension = NO_DIMENSION, unit: str = "") -> Term:
-        """Return a term with a value that never changes, in SI; ``unit`` as in :class:`Term`."""
-        return Term(self._row(Op.CONSTANT, parameters=(value,)), dimension, value, unit=unit)
-
-    def input(self, name: str, dimension: Dimension, uses: frozenset[str]) -> Term:
-        """Return the term of a channel or a setpoint of a device."""
+    def input(self, name: str, dimension: Dimension, uses: frozenset[str]) -> Number:
+        """Return a channel or a setpoint of a device as a part of a formula."""
         if name not in self.inputs:
             self.inputs.append(name)
-        return Term(self._row(Op.INPUT, (self.inputs.index(name),)), dimension, uses=uses)
+        row = self._row(Op.INPUT, (self.inputs.index(name),))
+        return Number(math.nan, dimension, row=row, uses=uses)
+
+    def place(self, number: Number) -> int:
+        """Return the row that has ``number``."""
+        if number.row is not None:
+            return number.row
+        return self._row(Op.CONSTANT, parameters=(number.value,))
 
     def add(
-        self,
-        op: Op,
-        *terms: Term,
-        dimension: Dimension = NO_DIMENSION,
-        parameters: tuple[float, ...] = (),
-        size: int = 0,
-        is_condition: bool = False,
-    ) -> Term:
-        """Return the term of an operation on ``terms``."""
-        row = self._row(op, tuple(term.row for term in terms), parameters, size)
-        uses = frozenset[str]().union(*(term.uses for term in terms))
-        is_difference = (
-            not is_condition
-            and op is not Op.LOOKUP
-            and any(term.is_difference and term.dimension == dimension for term in terms)
-        )
-        return Term(row, dimension, None, is_condition, uses, is_difference=is_difference)
+        self, op: Op, numbers: tuple[Number, ...], parameters: tuple[float, ...], size: int
+    ) -> int:
+        """Return the row of an operation on ``numbers``."""
+        return self._row(op, tuple(map(self.place, numbers)), parameters, size)
 
     def _row(
         self,

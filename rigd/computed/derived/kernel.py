@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.computed.derived.graph import Op
+from rigd.language.operations import Op
 from rigd.model.machine.kernel import inlined, kernel
 
 Floats = NDArray[np.float64]

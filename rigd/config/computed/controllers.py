@@ -9,13 +9,13 @@ from typing import Final
 
 from rigd.computed.controllers.chain import sequence
 from rigd.computed.controllers.driver import CONTROLLER, OWN, Controller, ControllerConfig
-from rigd.computed.derived.dimensions import alike, over, times
 from rigd.computed.derived.driver import DerivedConfig
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import check_inside, rate_unit, read_difference, read_quantity
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.config.source import ControllerSource
+from rigd.language.dimensions import alike, over, times
 from rigd.model.channels import Channel
 from rigd.model.limits import SetpointLimit
 from rigd.model.units import (

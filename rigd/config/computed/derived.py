@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from rigd.computed.derived.dimensions import alike, fits, plain
 from rigd.computed.derived.driver import DERIVED, Derived, DerivedConfig
-from rigd.computed.derived.formula import read_formula
-from rigd.computed.derived.functions import FUNCTIONS, Call
-from rigd.computed.derived.graph import Builder, Graph, Op, Term
-from rigd.computed.derived.quantities import FormulaError, Named, no_names, stated
+from rigd.computed.derived.formula import Find, no_names, read_formula
+from rigd.computed.derived.graph import Builder, Graph
 from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.config.source import DerivedSource
+from rigd.language.dimensions import alike, fits, plain
+from rigd.language.functions import FUNCTIONS, Call
+from rigd.language.number import ExpressionError, Number, number_in
+from rigd.language.operations import Op
+from rigd.language.rows import operate
 from rigd.model.channels import ECHO, Channel
 from rigd.model.units import Unit, dimension_text, parse_unit, si_symbol
 
@@ -28,7 +31,7 @@ def add_derived(
     sources: Mapping[str, DerivedSource],
     rig: RigConfig,
     problems: Problems,
-    named: Named = no_names,
+    named: Find = no_names,
 ) -> RigConfig:
     """Return ``rig`` with the derived channels of ``sources``; problems are noted.
 
@@ -51,12 +54,13 @@ def add_derived(
     if any(term is None for term in found.values()):
         return rig
     terms = {name: term for name, term in found.items() if term is not None}
+    outputs = {name: reader.builder.place(term) for name, term in terms.items()}
     graph = Graph(
         rows=tuple(reader.builder.rows),
         parameters=tuple(reader.builder.parameters),
         states=reader.builder.states,
         inputs=tuple(reader.builder.inputs),
-        outputs=before.outputs | {name: term.row for name, term in terms.items()},
+        outputs=before.outputs | outputs,
         uses=before.uses | {name: term.uses for name, term in terms.items()},
         differences=before.differences
         | {name for name, term in terms.items() if term.is_difference},
@@ -109,15 +113,15 @@ class _Reader:
     rig: RigConfig
     problems: Problems
     before: Graph  #: that of the derived channels which the rig has
-    named: Named
+    named: Find
     builder: Builder = field(init=False)
-    _known: dict[str, Term | None] = field(default_factory=dict)
+    _known: dict[str, Number | None] = field(default_factory=dict)
     _units: dict[str, str] = field(default_factory=dict)
     _display: dict[str, str] = field(default_factory=dict)
     _open: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.builder = Builder.after(self.before)
+        self.builder = Builder.after(self.before, self.rig.period_ns * 1e-9)
 
     def described(self, name: str) -> Channel:
         """Return the derived channel ``name`` with its unit."""
@@ -126,7 +130,7 @@ class _Reader:
         display = self._display.get(name, "")
         return Channel(name.partition(".")[2], self._units[name], text, display=display)
 
-    def channel(self, name: str) -> Term | None:
+    def channel(self, name: str) -> Number | None:
         """Return the term of the derived channel ``name``; None with its problem noted."""
         if name not in self._known:
             self._open.append(name)
@@ -134,7 +138,7 @@ class _Reader:
             self._open.pop()
         return self._known[name]
 
-    def _read(self, name: str, source: DerivedSource) -> Term | None:
+    def _read(self, name: str, source: DerivedSource) -> Number | None:
         path: KeyPath = ("derived", name)
         term = self._formula((*path, "is"), source.formula, source)
         condition = None
@@ -156,48 +160,46 @@ class _Reader:
         if not alike(unit.dimension, term.dimension):  # an angle: lengths cancelled
             term = replace(term, dimension=unit.dimension)
         if condition is not None:
-            unknown = self.builder.constant(float("nan"), term.dimension)
-            term = self.builder.add(Op.WHERE, condition, term, unknown, dimension=term.dimension)
+            unknown = Number(math.nan, term.dimension)
+            term = operate(
+                self.builder, Op.WHERE, condition, term, unknown, at=0, dimension=term.dimension
+            )
         return term if source.lowpass is None else self._filtered(path, source, term)
 
-    def _filtered(self, path: KeyPath, source: DerivedSource, term: Term) -> Term | None:
+    def _filtered(self, path: KeyPath, source: DerivedSource, term: Number) -> Number | None:
         """Return ``term`` behind the filter of the key `lowpass`."""
         place = (*path, "lowpass")
         given = self._formula(place, source.lowpass or "", source)
         if given is None:
             return None
-        call = Call(self.builder, self._period_s, 0, (0, 0), "such as 'lowpass: 50 Hz'")
+        call = Call(self.builder, (0, 0), "such as 'lowpass: 50 Hz'")
         self.builder.reset = source.reset == "trial"
         try:
             return FUNCTIONS["lowpass"].make(call, (term, given))
-        except FormulaError as error:
+        except ExpressionError as error:
             self.problems.add(self.document.place(place), str(error), error.hint)
             return None
 
-    @property
-    def _period_s(self) -> float:
-        return self.rig.period_ns * 1e-9
-
-    def _formula(self, path: KeyPath, text: str, source: DerivedSource) -> Term | None:
-        def find(name: str, offset: int) -> Term:
+    def _formula(self, path: KeyPath, text: str, source: DerivedSource) -> Number | None:
+        def find(name: str, offset: int) -> Number:
             term = self._find(name, offset)
             self.builder.reset = source.reset == "trial"  # another channel was read meanwhile
             return term
 
         self.builder.reset = source.reset == "trial"
         try:
-            return read_formula(text, self.builder, find, self._period_s, self.named)
-        except FormulaError as error:
+            return read_formula(text, self.builder, find, self.named)
+        except ExpressionError as error:
             place = self.document.inside(path, error.offset)
             self.problems.add(place, str(error), error.hint, lacks=error.lacks)
         except _Noted:
             pass  # the problem of the other channel is noted at its own place
         return None
 
-    def _find(self, name: str, offset: int) -> Term:
+    def _find(self, name: str, offset: int) -> Number:
         if name in self._open:
             circle = " uses ".join((*self._open[self._open.index(name) :], name))
-            raise FormulaError(
+            raise ExpressionError(
                 f"a channel cannot be computed from itself: {circle}", offset,
                 "use delay(...) of a measured channel, or another quantity",
             )  # fmt: skip
@@ -210,10 +212,10 @@ class _Reader:
             constant = self.rig.constants.get(name.removeprefix("rig."))
             if constant is None:
                 known = [f"rig.{item}" for item in self.rig.constants]
-                raise FormulaError(
+                raise ExpressionError(
                     f"unknown constant {name!r}", offset, suggest(name, known), lacks=name
                 )
-            return self.builder.constant(*stated(constant.value, constant.unit))
+            return number_in(constant.value, constant.unit)
         channel = self.rig.recorded(name)
         if channel is None:
             known = [
@@ -224,16 +226,16 @@ class _Reader:
                     *(f"{setpoint.name}{ECHO}" for setpoint in device.setpoints),
                 )
             ]
-            raise FormulaError(
+            raise ExpressionError(
                 f"unknown channel {name!r}", offset, suggest(name, [*known, *self.sources]),
                 lacks=name,
             )  # fmt: skip
         if name in self.before.outputs:
-            return self.before.term(name, parse_unit(channel.unit).dimension)
+            return self.before.number(name, parse_unit(channel.unit).dimension)
         uses = frozenset({name}) if self.rig.channel(name) else frozenset[str]()
         return self.builder.input(name, parse_unit(channel.unit).dimension, uses)
 
-    def _unit(self, path: KeyPath, name: str, term: Term, source: DerivedSource) -> Unit | None:
+    def _unit(self, path: KeyPath, name: str, term: Number, source: DerivedSource) -> Unit | None:
         """Keep the unit of the channel and return it; None if it does not fit the formula."""
         self._units[name] = si_symbol(plain(term.dimension))
         if source.unit is None:

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from rigd.computed.derived.dimensions import alike, over, plain, times
 from rigd.computed.observers.driver import OBSERVER, Observer, ObserverConfig
 from rigd.config.binding import bind
 from rigd.config.computed.observer_channels import Finder, published
@@ -16,6 +15,7 @@ from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.config.source import DerivedSource, LinearSource, ObserverSource
+from rigd.language.dimensions import alike, over, plain, times
 from rigd.model.channels import Channel
 from rigd.model.units import (
     NO_DIMENSION,

@@ -33,11 +33,12 @@ from rigd.importing.source import (
     TextTableSource,
     TimeSource,
 )
+from rigd.language.number import number_in
 from rigd.model.channels import Channel, Stream
 from rigd.model.constants import Constant
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.model.units import Quantity, Unit, parse_quantity, parse_unit
-from rigd.procedure.expression import Value, number_in
+from rigd.procedure.expression import Value
 from rigd.procedure.identify import read_plan
 from rigd.procedure.program import IdentifyPlan
 from rigd.procedure.reader import Reader

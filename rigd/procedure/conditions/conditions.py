@@ -14,11 +14,12 @@ from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
+from rigd.language.number import ExpressionError, Number
 from rigd.model.channels import Channel
 from rigd.model.severity import Severity
 from rigd.model.units import format_quantity
 from rigd.procedure.conditions.condition_text import describe_condition
-from rigd.procedure.expression import ExpressionError, Number, Scope, parse_expression
+from rigd.procedure.expression import Scope, parse_expression
 from rigd.procedure.program import Comparison, Condition, StatusCondition, TrialLimit, Until
 from rigd.procedure.reader import Reader
 

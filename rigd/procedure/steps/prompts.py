@@ -13,11 +13,12 @@ from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
 from rigd.config.sibling.sibling import read_sibling
+from rigd.language.number import Number
 from rigd.model.errors import ConfigError
 from rigd.model.limits import rounded_to
 from rigd.model.units import format_quantity, meant_unit, parse_unit
 from rigd.procedure.conditions.conditions import check_reachable, read_until
-from rigd.procedure.expression import Number, Scope
+from rigd.procedure.expression import Scope
 from rigd.procedure.program import Agreement, AnswerKind, Prompt, StatusCondition, Until
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import AgreesSource, PromptSource

@@ -13,9 +13,10 @@ from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.quantities import check_inside
 from rigd.config.rig import RigConfig
+from rigd.language.tokens import NAME
 from rigd.model.channels import Channel
 from rigd.procedure.conditions.conditions import read_until
-from rigd.procedure.expression import NAME, Scope, Value
+from rigd.procedure.expression import Scope, Value
 from rigd.procedure.profiles.profiles import ConstantProfile
 from rigd.procedure.program import (
     CycleProgram,

@@ -18,8 +18,9 @@ from support.formula_reference import Part
 from rigd.computed.derived.driver import DerivedConfig
 from rigd.computed.derived.evaluator import Evaluator
 from rigd.computed.derived.formula import read_formula
-from rigd.computed.derived.graph import Builder, Graph, Term
+from rigd.computed.derived.graph import Builder, Graph
 from rigd.config.loader import parse_rig
+from rigd.language.number import Number
 from rigd.model.tables import Tables
 
 PERIOD_NS = 1_000_000
@@ -59,15 +60,16 @@ class Bound(Connected):
     """A formula of the channels ``dev_a.x`` and ``dev_b.x``, played cycle by cycle."""
 
     def __init__(self, text: str, *, reset: bool = False) -> None:
-        builder = Builder(reset=reset)
+        builder = Builder(PERIOD_NS * 1e-9, reset=reset)
 
-        def find(name: str, offset: int) -> Term:
+        def find(name: str, offset: int) -> Number:
             return builder.input(name, (0,) * 7, frozenset({name}))
 
-        term = read_formula(text, builder, find, PERIOD_NS * 1e-9)
+        term = read_formula(text, builder, find)
+        row = builder.place(term)
         graph = Graph(
             tuple(builder.rows), tuple(builder.parameters), builder.states, tuple(builder.inputs),
-            {"f.x": term.row}, {"f.x": term.uses},
+            {"f.x": row}, {"f.x": term.uses},
         )  # fmt: skip
         super().__init__(graph, ("dev_a.x", "dev_b.x"))
 

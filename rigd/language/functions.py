@@ -1,4 +1,4 @@
-"""Defines the functions of formulas: what each takes, which units fit, and the rows it adds."""
+"""Defines the functions: what each takes, which units fit, and which operation it is."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
-from rigd.computed.derived.dimensions import alike, over, times
-from rigd.computed.derived.graph import Builder, Op, Term
-from rigd.computed.derived.quantities import FormulaError
-from rigd.model.units import Dimension, dimension_text, parse_unit, si_symbol
+from rigd.language.dimensions import alike, over, times
+from rigd.language.number import ExpressionError, Number
+from rigd.language.operations import Op
+from rigd.language.rows import Rows, operate, over_time
+from rigd.model.units import NO_DIMENSION, Dimension, dimension_text, parse_unit, si_symbol
 
 #: Most samples of a window or a delay: 10 s at 1 kHz.
 MAX_SAMPLES: Final = 10_000
@@ -26,49 +27,64 @@ _ANGLE: Final = parse_unit("rad").dimension
 Kind = Literal["quantity", "condition", "constant", "list"]
 
 
-class Fixed(NamedTuple):
-    """A fixed quantity in a list; ``unit`` as in :class:`Term`."""
-
-    value: float
-    dimension: Dimension
-    unit: str = ""
-
-
 @dataclass(frozen=True)
 class Call:
-    """A use of a function: where its rows go, and where it stands in the formula."""
+    """A use of a function: where its rows go, and where its values stand in the text."""
 
-    builder: Builder
-    period_s: float
-    offset: int
+    rows: Rows | None
     places: Sequence[int]
     usage: str
-    tables: Sequence[Sequence[Fixed]] = ()
+    tables: Sequence[Sequence[Number]] = ()
 
-    def wrong(self, message: str, argument: int = 0) -> FormulaError:
+    def wrong(self, message: str, argument: int = 0) -> ExpressionError:
         """Return the error that ``argument`` is wrong."""
-        return FormulaError(message, self.places[argument], self.usage)
+        return ExpressionError(message, self.places[argument], self.usage)
 
-    def of_kind(self, term: Term, dimension: Dimension, argument: int) -> float:
+    def add(
+        self,
+        op: Op,
+        *numbers: Number,
+        dimension: Dimension = NO_DIMENSION,
+        parameters: tuple[float, ...] = (),
+        size: int = 0,
+    ) -> Number:
+        """Return the result of an operation."""
+        return operate(
+            self.rows, op, *numbers, at=self.places[0], dimension=dimension,
+            parameters=parameters, size=size,
+        )  # fmt: skip
+
+    @property
+    def period_s(self) -> float:
+        """The shortest time between two values.
+
+        Raises:
+            ExpressionError: there is one value only.
+        """
+        if self.rows is None:
+            raise over_time(self.places[0])
+        return self.rows.period_s
+
+    def of_kind(self, number: Number, dimension: Dimension, argument: int) -> float:
         """Return the value of a fixed quantity of ``dimension``.
 
         Raises:
-            FormulaError: it has another dimension, a unit with a zero of its own, or is not above
-                0.
+            ExpressionError: it has another dimension, a unit with a zero of its own, or is not
+                above 0.
         """
-        if term.unit:
-            raise FormulaError(
-                f"expected a difference, found a value in {term.unit}", self.places[argument],
-                f"write it in {parse_unit(term.unit).difference()}",
+        if number.unit:
+            raise ExpressionError(
+                f"expected a difference, found a value in {number.unit}", self.places[argument],
+                f"write it in {parse_unit(number.unit).difference()}",
             )  # fmt: skip
-        if term.dimension != dimension or term.constant is None:
+        if number.dimension != dimension:
             raise self.wrong(
-                f"expected {si_symbol(dimension)}, found {dimension_text(term.dimension)}",
+                f"expected {si_symbol(dimension)}, found {dimension_text(number.dimension)}",
                 argument,
             )
-        if not term.constant > 0:
+        if not number.value > 0:
             raise self.wrong("expected a value above 0", argument)
-        return term.constant
+        return number.value
 
 
 @dataclass(frozen=True)
@@ -77,10 +93,10 @@ class Function:
 
     usage: str
     takes: tuple[Kind, ...]
-    make: Callable[[Call, Sequence[Term]], Term]
+    make: Callable[[Call, Sequence[Number]], Number]
 
 
-def _same(call: Call, first: Term, second: Term) -> Dimension:
+def _same(call: Call, first: Number, second: Number) -> Dimension:
     if not alike(first.dimension, second.dimension):
         raise call.wrong(
             f"expected {dimension_text(first.dimension)}, found {dimension_text(second.dimension)}",
@@ -89,56 +105,56 @@ def _same(call: Call, first: Term, second: Term) -> Dimension:
     return first.dimension
 
 
-def _abs(call: Call, terms: Sequence[Term]) -> Term:
-    return call.builder.add(Op.ABS, *terms, dimension=terms[0].dimension)
+def _abs(call: Call, terms: Sequence[Number]) -> Number:
+    return call.add(Op.ABS, *terms, dimension=terms[0].dimension)
 
 
-def _sqrt(call: Call, terms: Sequence[Term]) -> Term:
+def _sqrt(call: Call, terms: Sequence[Number]) -> Number:
     dimension = terms[0].dimension
     if any(power % 2 for power in dimension):
         raise call.wrong(f"{dimension_text(dimension)} has no root with a unit")
     half = tuple(power // 2 for power in dimension)
-    return call.builder.add(Op.SQRT, *terms, dimension=half)
+    return call.add(Op.SQRT, *terms, dimension=half)
 
 
-def _of_angle(op: Op) -> Callable[[Call, Sequence[Term]], Term]:
-    def make(call: Call, terms: Sequence[Term]) -> Term:
+def _of_angle(op: Op) -> Callable[[Call, Sequence[Number]], Number]:
+    def make(call: Call, terms: Sequence[Number]) -> Number:
         if terms[0].dimension != _ANGLE:
             raise call.wrong(
                 f"expected an angle in rad, found {dimension_text(terms[0].dimension)}"
             )
-        return call.builder.add(op, *terms)
+        return call.add(op, *terms)
 
     return make
 
 
-def _atan2(call: Call, terms: Sequence[Term]) -> Term:
+def _atan2(call: Call, terms: Sequence[Number]) -> Number:
     _same(call, *terms)
-    return call.builder.add(Op.ATAN2, *terms, dimension=_ANGLE)
+    return call.add(Op.ATAN2, *terms, dimension=_ANGLE)
 
 
-def _pair(op: Op) -> Callable[[Call, Sequence[Term]], Term]:
-    def make(call: Call, terms: Sequence[Term]) -> Term:
-        return call.builder.add(op, *terms, dimension=_same(call, *terms))
+def _pair(op: Op) -> Callable[[Call, Sequence[Number]], Number]:
+    def make(call: Call, terms: Sequence[Number]) -> Number:
+        return call.add(op, *terms, dimension=_same(call, *terms))
 
     return make
 
 
-def _where(call: Call, terms: Sequence[Term]) -> Term:
+def _where(call: Call, terms: Sequence[Number]) -> Number:
     dimension = _same(call, terms[1], terms[2])
-    return call.builder.add(Op.WHERE, *terms, dimension=dimension)
+    return call.add(Op.WHERE, *terms, dimension=dimension)
 
 
-def _hold(call: Call, terms: Sequence[Term]) -> Term:
-    return call.builder.add(Op.HOLD, *terms, dimension=terms[0].dimension)
+def _hold(call: Call, terms: Sequence[Number]) -> Number:
+    return call.add(Op.HOLD, *terms, dimension=terms[0].dimension)
 
 
-def _deadband(call: Call, terms: Sequence[Term]) -> Term:
+def _deadband(call: Call, terms: Sequence[Number]) -> Number:
     band = call.of_kind(terms[1], terms[0].dimension, 1)
-    return call.builder.add(Op.DEADBAND, terms[0], dimension=terms[0].dimension, parameters=(band,))
+    return call.add(Op.DEADBAND, terms[0], dimension=terms[0].dimension, parameters=(band,))
 
 
-def _lookup(call: Call, terms: Sequence[Term]) -> Term:
+def _lookup(call: Call, terms: Sequence[Number]) -> Number:
     inputs, outputs = call.tables
     if len(inputs) != len(outputs) or not 2 <= len(inputs) <= MAX_POINTS:
         raise call.wrong(
@@ -159,16 +175,16 @@ def _lookup(call: Call, terms: Sequence[Term]) -> Term:
     if any(later <= earlier for earlier, later in pairwise(xs)):
         raise call.wrong("the points of the table do not increase", 1)
     ys = tuple(point.value for point in outputs)
-    return call.builder.add(
+    return call.add(
         Op.LOOKUP, terms[0], dimension=outputs[0].dimension, parameters=xs + ys, size=len(xs)
     )
 
 
-def _derivative(call: Call, terms: Sequence[Term]) -> Term:
-    return call.builder.add(Op.DERIVATIVE, *terms, dimension=over(terms[0].dimension, _SECOND))
+def _derivative(call: Call, terms: Sequence[Number]) -> Number:
+    return call.add(Op.DERIVATIVE, *terms, dimension=over(terms[0].dimension, _SECOND))
 
 
-def _lowpass(call: Call, terms: Sequence[Term]) -> Term:
+def _lowpass(call: Call, terms: Sequence[Number]) -> Number:
     frequency = call.of_kind(terms[1], _HERTZ, 1)
     most = 0.25 / call.period_s
     if frequency > most:
@@ -177,18 +193,18 @@ def _lowpass(call: Call, terms: Sequence[Term]) -> Term:
             f"at most {most:g} Hz",
             1,
         )
-    return call.builder.add(
+    return call.add(
         Op.LOWPASS, terms[0], dimension=terms[0].dimension, parameters=(2 * math.pi * frequency,)
     )
 
 
-def _integral(call: Call, terms: Sequence[Term]) -> Term:
+def _integral(call: Call, terms: Sequence[Number]) -> Number:
     dimension = times(terms[0].dimension, _SECOND)
-    return call.builder.add(Op.INTEGRAL, *terms, dimension=dimension)
+    return call.add(Op.INTEGRAL, *terms, dimension=dimension)
 
 
-def _window(op: Op) -> Callable[[Call, Sequence[Term]], Term]:
-    def make(call: Call, terms: Sequence[Term]) -> Term:
+def _window(op: Op) -> Callable[[Call, Sequence[Number]], Number]:
+    def make(call: Call, terms: Sequence[Number]) -> Number:
         window_s = call.of_kind(terms[1], _SECOND, 1)
         samples = math.ceil(window_s / call.period_s) + 1
         if samples > MAX_SAMPLES:
@@ -199,16 +215,16 @@ def _window(op: Op) -> Callable[[Call, Sequence[Term]], Term]:
             )
         if window_s < call.period_s:
             raise call.wrong(f"{window_s:g} s is shorter than a cycle", 1)
-        return call.builder.add(
+        return call.add(
             op, terms[0], dimension=terms[0].dimension, parameters=(window_s,), size=samples
         )
 
     return make
 
 
-def _rate_limit(call: Call, terms: Sequence[Term]) -> Term:
+def _rate_limit(call: Call, terms: Sequence[Number]) -> Number:
     rate = over(terms[0].dimension, _SECOND)
-    return call.builder.add(
+    return call.add(
         Op.RATE_LIMIT,
         terms[0],
         dimension=terms[0].dimension,
@@ -216,8 +232,8 @@ def _rate_limit(call: Call, terms: Sequence[Term]) -> Term:
     )
 
 
-def _edges(call: Call, terms: Sequence[Term]) -> Term:
-    return call.builder.add(Op.EDGES, *terms)
+def _edges(call: Call, terms: Sequence[Number]) -> Number:
+    return call.add(Op.EDGES, *terms)
 
 
 #: The functions by name.

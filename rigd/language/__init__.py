@@ -1,0 +1,1 @@
+"""Expressions: one grammar for procedures, derived channels, end conditions and searches."""
