@@ -5,15 +5,15 @@ The recordings alone are the data: the index can be deleted at any time, and is 
 
 from rigd.catalogue.catalogue import Broken, Found, search
 from rigd.catalogue.facts import FIELDS, Listing
-from rigd.catalogue.query import Condition, Joined, equal, parse_where, since
+from rigd.catalogue.query import Condition, all_of, equal, parse_where, since
 
 __all__ = [
     "FIELDS",
     "Broken",
     "Condition",
     "Found",
-    "Joined",
     "Listing",
+    "all_of",
     "equal",
     "parse_where",
     "search",

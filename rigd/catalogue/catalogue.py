@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 from rigd.catalogue.facts import Listing
 from rigd.catalogue.index import index_path, lines, opened, update
-from rigd.catalogue.query import Condition, FieldTest, Joined, Negated
+from rigd.catalogue.query import Condition
 from rigd.catalogue.statement import stated, statement_of
+from rigd.language.syntax import ComparisonChain, Name, Node, Operation
 
 if TYPE_CHECKING:
     from rigd.model import RecordingError
@@ -96,14 +97,12 @@ def _searched(
     return Found(tuple(found), tuple(Broken(*item) for item in unread), instead)
 
 
-def _stated(index: sqlite3.Connection, condition: Condition) -> dict[str, Sequence[str]]:
+def _stated(index: sqlite3.Connection, condition: Node) -> dict[str, Sequence[str]]:
     """Return which values each field has that ``condition`` compares with a text or a word."""
     match condition:
-        case Joined(parts=parts):
+        case Operation(operands=parts):
             return {name: texts for part in parts for name, texts in _stated(index, part).items()}
-        case Negated(condition=inner):
-            return _stated(index, inner)
-        case FieldTest(sign="==" | "in" | "contains"):
-            texts = stated(index, condition.field)
-            return {condition.field: texts} if texts else {}
+        case ComparisonChain(signs=("==" | "in" | "contains", *_), operands=(Name() as field, *_)):
+            texts = stated(index, field)
+            return {field.name: texts} if texts else {}
     return {}

@@ -7,16 +7,9 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from rigd.catalogue.facts import FIELDS
-from rigd.catalogue.query import (
-    Condition,
-    FieldTest,
-    Joined,
-    Negated,
-    Operand,
-    Presence,
-    wrong,
-)
+from rigd.catalogue.query import Condition, Operand, operand, wrong
 from rigd.catalogue.values import DATE, NEAR
+from rigd.language.syntax import ComparisonChain, Name, Node, Operation, State
 from rigd.model.errors import ConfigError
 
 #: A field without a dot that no folder has by itself is looked for as one of these.
@@ -48,41 +41,44 @@ class _Maker:
             name: number for number, name in index.execute("SELECT id, name FROM names")
         }
 
-    def of(self, condition: Condition) -> Statement:
+    def of(self, condition: Node) -> Statement:
         match condition:
-            case Joined(word, parts):
+            case Operation(sign="not", operands=(inner,)):
+                sql, values = self.of(inner)
+                return Statement(f"NOT ({sql})", values)
+            case Operation(sign=word, operands=parts):
                 made = [self.of(part) for part in parts]
                 sql = f" {word.upper()} ".join(f"({item.sql})" for item in made)
                 return Statement(sql, tuple(value for item in made for value in item.values))
-            case Negated(inner):
-                sql, values = self.of(inner)
-                return Statement(f"NOT ({sql})", values)
-            case Presence(field, is_known, offset):
-                known = self._having(self.number(field, offset), "1", ())
-                return known if is_known else Statement(f"NOT ({known.sql})", known.values)
-            case FieldTest():
-                return self._comparison(condition)
+            case State(subject=Name() as field, word=word, is_so=is_so):
+                known = self._having(self.number(field), "1", ())
+                if (word.name == "known") == is_so:
+                    return known
+                return Statement(f"NOT ({known.sql})", known.values)
+            case ComparisonChain(signs=(sign, *_), operands=(Name() as field, *values)):
+                return self._comparison(field, sign, [operand(value) for value in values])
+        raise TypeError(f"{condition} is no condition")
 
-    def _comparison(self, asked: FieldTest) -> Statement:
-        number = self.number(asked.field, asked.offset)
-        if asked.sign == "!=":
-            same = self._any(number, asked, "==")
-            known = self._having(number, "1", ())
-            return Statement(f"{known.sql} AND NOT ({same.sql})", known.values + same.values)
-        return self._any(number, asked, "==" if asked.sign == "in" else asked.sign)
+    def _comparison(self, field: Name, sign: str, values: list[Operand]) -> Statement:
+        number = self.number(field)
+        if sign != "!=":
+            return self._any(number, field, "==" if sign == "in" else sign, values)
+        same = self._any(number, field, "==", values)
+        known = self._having(number, "1", ())
+        return Statement(f"{known.sql} AND NOT ({same.sql})", known.values + same.values)
 
-    def _any(self, number: int, asked: FieldTest, sign: str) -> Statement:
-        made = [self._test(number, asked, sign, value) for value in asked.values]
+    def _any(self, number: int, field: Name, sign: str, values: list[Operand]) -> Statement:
+        made = [self._test(number, field, sign, value) for value in values]
         sql = " OR ".join(f"({item.sql})" for item in made)
         return self._having(number, sql, tuple(v for item in made for v in item.values))
 
-    def _test(self, number: int, asked: FieldTest, sign: str, literal: Operand) -> Statement:
+    def _test(self, number: int, field: Name, sign: str, literal: Operand) -> Statement:
         """Return the test of one fact."""
         text, value, unit = literal.value
         if sign == "contains":
             return Statement("instr(casefold(text), casefold(?)) > 0", (text,))
         if not literal.quoted or sign != "==":
-            self._check_unit(number, asked, sign, literal)
+            self._check_unit(number, field.name, sign, literal)
         if literal.period is not None:
             dated = _dated(sign, *literal.period)
             if sign == "==":
@@ -98,19 +94,19 @@ class _Maker:
             )
         return Statement(f"unit = ? AND number {sign} ?", (unit, value))
 
-    def _check_unit(self, number: int, asked: FieldTest, sign: str, literal: Operand) -> None:
+    def _check_unit(self, number: int, field: str, sign: str, literal: Operand) -> None:
         """Raise if the field has no value that can be compared with this one."""
         rows = self._index.execute(
             "SELECT DISTINCT coalesce(unit, '') FROM facts WHERE name = ?", (number,)
         )
         units = sorted(unit for (unit,) in rows)
         text, value, unit = literal.value
-        offset = None if asked.offset is None else literal.offset
+        offset = literal.offset
         if value is None:
             if sign != "==":
                 raise wrong(
                     offset,
-                    f"{asked.field} {sign} {text!r}: a word is neither less nor more",
+                    f"{field} {sign} {text!r}: a word is neither less nor more",
                     "compare it with ==, != or contains; give a number with its unit, or a date",
                 )
             return
@@ -118,8 +114,8 @@ class _Maker:
             return
         if units == [""]:
             raise wrong(
-                offset, f"{asked.field} is a text, and {text} is not",
-                f"write it in quotes: {asked.field} == \"{text}\"",
+                offset, f"{field} is a text, and {text} is not",
+                f"write it in quotes: {field} == \"{text}\"",
             )  # fmt: skip
         stated = " or ".join("a date" if u == DATE else "a plain number" if u == "1" else f"in {u}"
                              for u in units if u)  # fmt: skip
@@ -128,29 +124,31 @@ class _Maker:
             hint = f"give it in {units[-1]}"
         if DATE in units:
             hint = "write a date such as 2026-09-01"
-        raise wrong(offset, f"{asked.field} is {stated}, and {text} is not", hint)
+        raise wrong(offset, f"{field} is {stated}, and {text} is not", hint)
 
     def _having(self, number: int, sql: str, values: tuple[object, ...]) -> Statement:
         return Statement(
             f"id IN (SELECT recording FROM facts WHERE name = ? AND ({sql}))", (number, *values)
         )
 
-    def number(self, field: str, offset: int | None) -> int:
+    def number(self, asked: Name) -> int:
         """Return the number of a field; 0, which no fact has, if no recording here states it.
 
         Raises:
             ConfigError: it is misspelt, or stands for several fields.
         """
+        field = asked.name
         if field in FIELDS or field in self._names:
             return self._names.get(field, 0)
         found = [f"{group}.{field}" for group in _BARE if f"{group}.{field}" in self._names]
         if len(found) > 1:
-            raise wrong(offset, f"{field!r} can be {' or '.join(found)}", "write one of them")
+            message = f"{field!r} can be {' or '.join(found)}"
+            raise wrong(asked.start, message, "write one of them")
         if found:
             return self._names[found[0]]
-        if offset is None or not self._names:
+        if asked.start < 0 or not self._names:
             return 0
-        raise self._unknown(field, offset)
+        raise self._unknown(field, asked.start)
 
     def _unknown(self, field: str, offset: int) -> ConfigError:
         from rigd.config.problems import suggest
@@ -177,13 +175,13 @@ def _dated(sign: str, start: float, end: float) -> Statement:
     return Statement(f"unit = '{DATE}' AND {sql}", values)
 
 
-def stated(index: sqlite3.Connection, field: str) -> list[str]:
+def stated(index: sqlite3.Connection, field: Name) -> list[str]:
     """Return the values of a field, each with how many recordings have it, most frequent first."""
     maker = _Maker(index)
     found = index.execute(
         "SELECT text, count(DISTINCT recording) AS many FROM facts WHERE name = ? GROUP BY text "
         f"ORDER BY many DESC, text LIMIT {_NAMED + 1}",
-        (maker.number(field, None),),
+        (maker.number(field),),
     ).fetchall()
     texts = [f"{text} ({many})" for text, many in found]
     return [*texts[:_NAMED], "…"] if len(texts) > _NAMED else texts

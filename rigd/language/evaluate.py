@@ -14,9 +14,9 @@ from rigd.language.functions import FUNCTIONS, Call, Function, reachable
 from rigd.language.number import ExpressionError, Number
 from rigd.language.operations import Op
 from rigd.language.rows import Rows, operate
-from rigd.language.syntax import FunctionCall
 from rigd.language.syntax import (
     ComparisonChain,
+    FunctionCall,
     Items,
     Literal,
     Name,

@@ -333,7 +333,7 @@ class _Parser(Tokens):
         if token.text in INSTEAD or token.text == "if":
             self.finish()
         if token.kind == "end":
-            raise ExpressionError("a quantity is missing here", token.start)
+            raise ExpressionError("a value is missing here", token.start)
         found = self.text[token.start :][:20]
         raise ExpressionError(f"expected a quantity such as '1.5 A', found {found!r}", token.start)
 

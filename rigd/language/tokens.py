@@ -47,7 +47,7 @@ _OTHERS: Final = rf"""
 _PLAIN: Final = re.compile(rf"(?P<name>[^\W\d]\w*(?:\.\w+)*){_OTHERS}|(?P<date>(?!))", re.VERBOSE)
 #: In a search: dates, and names with a dash.
 _SEARCH: Final = re.compile(
-    rf"(?P<date>{_DATE.replace(' ', '[ ]')})|(?P<name>[^\W\d][\w-]*(?:\.[\w-]+)*){_OTHERS}",
+    rf"(?P<date>{_DATE})|(?P<name>[^\W\d][\w-]*(?:\.[\w-]+)*){_OTHERS}",
     re.VERBOSE,
 )
 _SEPARATED: Final = re.compile(r"\d[\d.]*(?:[eE][-+]?\d+)?_[\d_.]*\d")

@@ -94,7 +94,7 @@ def execute(args: argparse.Namespace) -> int:
 
 def _condition(args: argparse.Namespace) -> Condition | None:
     """Return what all options ask for together."""
-    from rigd.catalogue import Joined, equal, parse_where, since
+    from rigd.catalogue import all_of, equal, parse_where, since
 
     parts: list[Condition] = [
         equal(name, given)
@@ -107,7 +107,7 @@ def _condition(args: argparse.Namespace) -> Condition | None:
     if args.since is not None:
         parts.append(since(args.since.timestamp()))
     parts += [parse_where(text) for text in args.where]
-    return Joined("and", tuple(parts)) if parts else None
+    return all_of(parts) if parts else None
 
 
 def _progress(number: int, total: int) -> None:

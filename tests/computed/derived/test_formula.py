@@ -119,7 +119,7 @@ def test_differences_and_values_of_temperature_are_told_apart(text: str) -> None
         ("__import__('os').system('ls')", ".system", "cannot read"),
         ("lambda: 1", ":", "cannot read"),
         ("(load.force", "", "a ')' is missing"),
-        ("load.force +", "", "a quantity is missing here"),
+        ("load.force +", "", "a value is missing here"),
         ("${current} * 2", "$", "channels are written bare"),
         ("lookup(card.input, [0 V, 0 V], [1 N, 2 N])", "[0 V", "do not increase"),
         ("lookup(card.input, [0 V], [1 N])", "[0 V", "2 to 200"),
