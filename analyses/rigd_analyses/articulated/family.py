@@ -37,6 +37,10 @@ class RobotFamily(Family[RobotSystem]):
         """Return the fit of all trials, in two stages."""
         return self.found.whole
 
+    def elsewhere(self) -> tuple[FloatArray, ...]:
+        """Return nothing: the search of the robot has been at other starts."""
+        return ()
+
     def refitted(self, system: System, starts: Sequence[FloatArray], block: int) -> OutputErrorFit:
         """Return the fit of a system with something added, from the first of ``starts`` (p,)."""
         return self.found.refitted(system, starts, block)

@@ -1,6 +1,7 @@
 """The steps of an identification by output error, in one order for all families of rigs.
 
-1. fit from the starts of the family, and again from points beside its end;
+1. fit from the starts of the family, and again from points beside its end, or from elsewhere if
+   that may be in a wrong place;
 2. diagnose what explains a misfit (:mod:`.diagnosis`), and judge the fit (:mod:`.gate`);
 3. test whether trials and recordings agree (:mod:`.homogeneity`), and take what the family finds
    itself into the judgement;
@@ -25,7 +26,14 @@ from rigd.analysis.fitting.fit import fit
 from rigd.analysis.fitting.profile import ProfileScan
 from rigd.analysis.output_error.augmented_system import same_with
 from rigd.analysis.output_error.diagnosis import diagnose
-from rigd.analysis.output_error.estimator import NEAR, OutputErrorFit, estimate, improve, retried
+from rigd.analysis.output_error.estimator import (
+    NEAR,
+    OutputErrorFit,
+    drawn,
+    estimate,
+    improve,
+    retried,
+)
 from rigd.analysis.output_error.gate import judge_fit, settled_gate
 from rigd.analysis.output_error.jackknife import jackknife_sd, without_each_trial
 from rigd.analysis.output_error.structure import Suspect
@@ -78,6 +86,10 @@ class Family(Generic[S]):
     def retries(self, whole: OutputErrorFit) -> Sequence[FloatArray]:
         """Return other points (p,), natural, that the fit ``whole`` is continued from."""
         return ()
+
+    def elsewhere(self) -> Sequence[FloatArray]:
+        """Return shared parameters (p,), natural, that a fit with a wrong end begins anew from."""
+        return drawn(self.system)
 
     def refitted(self, system: System, starts: Sequence[FloatArray], block: int) -> OutputErrorFit:
         """Return the fit of a system with something added, from shared parameters (p + c,)."""
@@ -220,7 +232,7 @@ def fitted(family: Family[S]) -> OutputErrorFit:
     """
     try:
         whole = family.fitted()
-        return retried(whole, family.retries(whole), family.block)
+        return retried(whole, family.retries, family.block, family.elsewhere)
     except Diverged as error:
         raise Diverged(error.trial, family.described(error.trial)) from error
 

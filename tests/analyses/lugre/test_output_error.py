@@ -18,6 +18,7 @@ from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.fitting.model import to_natural
 from rigd.analysis.fitting.profile import ProfileScan, axis
 from rigd.analysis.output_error.estimator import OutputErrorFit, by_cost, conclude, estimate
+from rigd.analysis.output_error.pipeline import fitted
 from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import (
@@ -149,6 +150,21 @@ def test_intervals_hold_the_truth_and_are_narrow(pvc: IdentificationResult, benc
         assert found.low is not None and found.high is not None, name
         assert found.low <= value <= found.high, name
         assert found.high - found.low < widest.get(name, 0.2) * value, name
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        (0.016, 0.0099, 0.0, 6.2, 3.1, 0.76),  # to no Stribeck effect, 4 times the noise off
+        (0.87, 2.0, 0.0, 4.0, 1.5, 0.17),  # 16 times
+    ],
+)
+def test_start_that_ends_wrong_is_left(begun: RigFit, start: tuple[float, ...]) -> None:
+    system = begun.family.system
+    known = [item.parameter.start for item in system.shared[len(start) :]]
+    wrong = replace(begun.family, starts=(np.array([*start, *known]),))
+    assert 2.0 * wrong.fitted().fit.cost > 10.0 * len(begun.whole.model.mask)
+    assert fitted(wrong).fit.cost == pytest.approx(begun.whole.fit.cost, abs=0.5)
 
 
 def shown(

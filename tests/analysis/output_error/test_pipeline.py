@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from rigd.analysis.fitting.identifiability import Z_95
+from rigd.analysis.fitting.model import FitParameter, Scaling
 from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.output_error.pipeline import Family, concluded, diagnosed, fitted, identify
 from rigd.analysis.output_error.structure import Suspect
-from rigd.analysis.output_error.system import Diverged
+from rigd.analysis.output_error.system import Diverged, Unknown
 from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest
 
 from .lines import BLOCK, ROWS, Lines
@@ -149,3 +150,42 @@ def test_right_trials_are_seldom_named_or_refused() -> None:
         for system in lines
     ]
     assert sum(named) <= 4  # of 60; more come by chance in 1 of 1000 such studies
+
+
+@dataclass(frozen=True, eq=False)
+class Waves(Lines):
+    """y = sin(value t) + gain cos(t/2) + offset: where waves do not meet, no slope leads home."""
+
+    highest: float = 50.0
+
+    @property
+    def shared(self) -> tuple[Unknown, ...]:
+        frequency = FitParameter("own 0", "1", 0.5, self.highest, 3.0, Scaling.LOG)
+        return (Unknown(frequency), *super().shared[1:])
+
+    def linearise(
+        self, trial: int, shared: FloatArray, local: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        t = np.linspace(0.0, self.trials[trial][1], ROWS)
+        by = np.ones((ROWS, 1, len(shared)))
+        by[:, 0, OWN], by[:, 0, GAIN] = t * np.cos(shared[OWN] * t), np.cos(0.5 * t)
+        y = np.sin(shared[OWN] * t) + shared[GAIN] * by[:, 0, GAIN] + shared[-1]
+        return y[:, None], by
+
+
+@pytest.mark.parametrize(
+    ("start", "highest"),
+    [
+        (6.0, 50.0),  # ends far off
+        (5.0, 5.0),  # stays on its bound
+    ],
+)
+def test_wrong_end_is_sought_elsewhere(start: float, highest: float) -> None:
+    waves = Waves(tuple((0, end) for end in ENDS), (2.6,), highest=highest)
+    right = replace(family(), system=waves, starts=(np.array([start, 0.0, 0.0]),))
+    end = right.fitted()
+    assert abs(end.fit.theta[OWN] - 2.6) > 1.0
+    found = identify(right)
+    assert found.gate.outcome is FitOutcome.FITS
+    assert found.theta[OWN] == pytest.approx(2.6, abs=0.02)
+    assert any(np.array_equal(end.fit.theta, other) for other in found.whole.others)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -18,7 +19,14 @@ from rigd.analysis import DataError
 from rigd.analysis.fitting.agreement import MAX_P_VALUE_RECORDINGS
 from rigd.analysis.fitting.fit import Fit, fit
 from rigd.analysis.output_error.augmented_system import same_with
-from rigd.analysis.output_error.estimator import Branch, OutputErrorFit, diverged, retried, settled
+from rigd.analysis.output_error.estimator import (
+    Branch,
+    OutputErrorFit,
+    diverged,
+    drawn,
+    retried,
+    settled,
+)
 from rigd.analysis.output_error.gate import settled_gate, strained_gate
 from rigd.analysis.output_error.pipeline import Family, Identification, identify
 from rigd.analysis.output_error.structure import Suspect
@@ -112,6 +120,10 @@ class LateralFamily(Family[LateralSystem]):
     def fitted(self) -> OutputErrorFit:
         """Return the fit of the choice that the data support most."""
         return self.fits[self.system.rows, self.system.turned].whole
+
+    def elsewhere(self) -> tuple[FloatArray, ...]:
+        """Return nothing: the frictions of the trials were sought from other starts."""
+        return ()
 
     def refitted(self, system: System, starts: Sequence[FloatArray], block: int) -> OutputErrorFit:
         """Return the fit of a system with something added, from the best of ``starts`` (p + c,)."""
@@ -358,7 +370,7 @@ def _free_loads(system: LateralSystem, block: int) -> Loads:
                 raise
     model, begun = min(branches, key=lambda branch: _likelihood(*branch))
     whole = settled(model, begun, block)
-    return loads_of(retried(whole, along_ridge(whole), block))
+    return loads_of(retried(whole, along_ridge, block, partial(drawn, free)))
 
 
 def _branch(system: System, theta: FloatArray) -> Branch:
