@@ -44,13 +44,19 @@ def differences(scores: Scores, index: int, groups: Sequence[int]) -> Score:
 
 
 def homogeneity(
-    fit: OutputErrorFit, index: int, what: str, parts: Sequence[TrialParts], block: int
+    fit: OutputErrorFit,
+    index: int,
+    what: str,
+    parts: Sequence[TrialParts],
+    block: int,
+    look: str = "",
 ) -> tuple[ResidualTest, ...]:
     """Return the tests of the level of the scaled parameter ``index``, called ``what``.
 
     The trials are in the order in which they were played; ``parts`` of only one name are no test,
     and a single trial has none.
-    ``block`` is the longest correlation that is heeded, in samples.
+    ``block`` is the longest correlation that is heeded, in samples; ``look`` is what to check if
+    the trials differ, but not steadily.
     """
     trials = fit.model.trials
     if trials < 2:
@@ -66,7 +72,8 @@ def homogeneity(
             f"The {what} {way} from trial to trial ({chance}): wear, warming or dirt? Clean the "
             "contact, let it warm up, record again."
             if is_trend
-            else f"The {what} differs from trial to trial ({chance}), not steadily in their order.",
+            else f"The {what} differs from trial to trial ({chance}), not steadily in their order."
+            + (f" Look at {look}." if look else ""),
             f"The {what} neither rises nor falls over the trials.",
         )
     ]  # fmt: skip

@@ -43,7 +43,7 @@ from rigd_analyses.lugre.model import (
     friction,
 )
 from rigd_analyses.lugre.rig import kernel
-from rigd_analyses.lugre.rig.extensions import BY_TRIAL, candidates
+from rigd_analyses.lugre.rig.extensions import BETWEEN, BY_TRIAL, candidates
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.rig.ridge import (
     along_ridge,
@@ -119,7 +119,7 @@ class RigFamily(Family[RigSystem]):
         """
         explained = without_added(whole, self.block) if _is_by_trial(gate) else whole
         parts = _parts(self.trials, self.system.constants)
-        return homogeneity(explained, MU_C, "friction", parts, self.block)
+        return homogeneity(explained, MU_C, "friction", parts, self.block, BETWEEN)
 
     def findings(self, whole: OutputErrorFit, gate: Gate, tests: tuple[ResidualTest, ...]) -> Gate:
         """Return ``gate``, a misfit if the trials need something of their own each."""
