@@ -18,7 +18,7 @@ class Shaped(Protocol):
     """A dataclass whose JSON object has other keys than its fields."""
 
     def shape(self) -> Mapping[str, object]:
-        """Return the keys in order, each with a value that :func:`plain` takes."""
+        """Return the fields of the object in order, each a value that :func:`plain` takes."""
 
 
 def plain(value: object) -> object:

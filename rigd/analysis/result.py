@@ -96,7 +96,7 @@ class ParameterEstimate:
         )  # fmt: skip
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; no number if none may be quoted."""
+        """Return the fields of the JSON object, in ``unit``; no number if none may be quoted."""
         known = self.quoted is not None
         return {
             "estimate": self.quoted,
@@ -193,7 +193,7 @@ class TrialFit:
     track: Track | None = None  #: where a body went, if the model has one that moves in a plane
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object: samples stand in the recording."""
+        """Return the fields of the JSON object: samples stand in the recording."""
         return {
             "label": self.label,
             "recording": self.recording,
@@ -224,7 +224,7 @@ class Profile:
     log_axis: bool = True
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "parameter": self.name,
             "unit": self.unit,
@@ -419,7 +419,7 @@ class ModelScore:
     curve: FloatArray
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; estimates of a model that does not fit are null."""
+        """Return the fields of the JSON object; estimates of a model that does not fit are null."""
         return {
             "name": self.name,
             "title": self.title,
@@ -449,7 +449,7 @@ class ModelComparison:
     y_name: str
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "sentences": self.sentences,
             "models": self.scores,
@@ -522,7 +522,7 @@ class IdentificationResult:
         return plain_object(self)
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "model": self.model,
             "method": self.method,

@@ -35,6 +35,8 @@ def statement_of(condition: Condition, index: sqlite3.Connection) -> Statement:
 
 
 class _Maker:
+    """Makes statements for one index; it stores the name of a field as a number."""
+
     def __init__(self, index: sqlite3.Connection) -> None:
         self._index = index
         self._names: Mapping[str, int] = {
@@ -60,25 +62,28 @@ class _Maker:
         raise TypeError(f"{condition} is no condition")
 
     def _comparison(self, field: Name, sign: str, values: list[Operand]) -> Statement:
-        number = self.number(field)
+        field_number = self.number(field)
         if sign != "!=":
-            return self._any(number, field, "==" if sign == "in" else sign, values)
-        same = self._any(number, field, "==", values)
-        known = self._having(number, "1", ())
+            return self._any(field_number, field, "==" if sign == "in" else sign, values)
+        same = self._any(field_number, field, "==", values)
+        known = self._having(field_number, "1", ())
         return Statement(f"{known.sql} AND NOT ({same.sql})", known.values + same.values)
 
-    def _any(self, number: int, field: Name, sign: str, values: list[Operand]) -> Statement:
-        made = [self._test(number, field, sign, value) for value in values]
+    def _any(self, field_number: int, field: Name, sign: str, values: list[Operand]) -> Statement:
+        made = [self._test(field_number, field, sign, value) for value in values]
         sql = " OR ".join(f"({item.sql})" for item in made)
-        return self._having(number, sql, tuple(v for item in made for v in item.values))
+        return self._having(field_number, sql, tuple(v for item in made for v in item.values))
 
-    def _test(self, number: int, field: Name, sign: str, literal: Operand) -> Statement:
-        """Return the test of one fact."""
+    def _test(self, field_number: int, field: Name, sign: str, literal: Operand) -> Statement:
+        """Return the test of one fact against ``literal``; ``sign`` is such as ``==`` or ``<``.
+
+        Numbers count as equal if they differ by at most the share NEAR.
+        """
         text, value, unit = literal.value
         if sign == "contains":
             return Statement("instr(casefold(text), casefold(?)) > 0", (text,))
         if not literal.quoted or sign != "==":
-            self._check_unit(number, field.name, sign, literal)
+            self._check_unit(field_number, field.name, sign, literal)
         if literal.period is not None:
             dated = _dated(sign, *literal.period)
             if sign == "==":
@@ -87,17 +92,17 @@ class _Maker:
         if value is None:
             return Statement("text = ?", (text,))
         if sign == "==":
-            near = abs(value) * NEAR
+            tolerance = abs(value) * NEAR
             return Statement(
                 "text = ? OR (unit = ? AND number BETWEEN ? AND ?)",
-                (text, unit, value - near, value + near),
+                (text, unit, value - tolerance, value + tolerance),
             )
         return Statement(f"unit = ? AND number {sign} ?", (unit, value))
 
-    def _check_unit(self, number: int, field: str, sign: str, literal: Operand) -> None:
+    def _check_unit(self, field_number: int, field: str, sign: str, literal: Operand) -> None:
         """Raise if the field has no value that can be compared with this one."""
         rows = self._index.execute(
-            "SELECT DISTINCT coalesce(unit, '') FROM facts WHERE name = ?", (number,)
+            "SELECT DISTINCT coalesce(unit, '') FROM facts WHERE name = ?", (field_number,)
         )
         units = sorted(unit for (unit,) in rows)
         text, value, unit = literal.value
@@ -126,9 +131,11 @@ class _Maker:
             hint = "write a date such as 2026-09-01"
         raise wrong(offset, f"{field} is {stated}, and {text} is not", hint)
 
-    def _having(self, number: int, sql: str, values: tuple[object, ...]) -> Statement:
+    def _having(self, field_number: int, sql: str, values: tuple[object, ...]) -> Statement:
+        """Return the statement for recordings with a fact of the field that passes ``sql``."""
         return Statement(
-            f"id IN (SELECT recording FROM facts WHERE name = ? AND ({sql}))", (number, *values)
+            f"id IN (SELECT recording FROM facts WHERE name = ? AND ({sql}))",
+            (field_number, *values),
         )
 
     def number(self, asked: Name) -> int:

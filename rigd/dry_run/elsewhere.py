@@ -65,12 +65,15 @@ def for_sibling(
 
 @dataclass
 class _Fitting:
+    """Fits steps to ``rig``, the simulated stand-in of ``real``, and notes what ``rig`` lacks."""
+
     rig: RigConfig
     real: RigConfig
     faults: int = 0
     lacks: dict[str, None] = field(default_factory=dict)  #: in order, each once
     refused: dict[str, None] = field(default_factory=dict)  #: why a plant cannot follow answers
-    _known: dict[int, Segment] = field(default_factory=dict)  #: by what the procedure keeps alive
+    #: Fitted segments by id() of the original one, which the procedure keeps alive.
+    _segments: dict[int, Segment] = field(default_factory=dict)
 
     def steps(self, steps: tuple[Step, ...]) -> tuple[Step, ...]:
         return tuple(self._steps(steps))
@@ -97,11 +100,12 @@ class _Fitting:
         return replace(program, segments=tuple(map(self._segment, program.segments)))
 
     def _segment(self, segment: Segment) -> Segment:
-        found = self._known.get(id(segment))  # trials share them
-        if found is None:
-            found = replace(segment, until=self._until(segment.until))
-            self._known[id(segment)] = found
-        return found
+        """Return the segment with end conditions for ``rig``; trials may share one."""
+        fitted = self._segments.get(id(segment))
+        if fitted is None:
+            fitted = replace(segment, until=self._until(segment.until))
+            self._segments[id(segment)] = fitted
+        return fitted
 
     def _prompt(self, prompt: Prompt) -> Prompt:
         agrees = prompt.agrees
@@ -124,6 +128,7 @@ class _Fitting:
         return condition
 
     def _status(self, condition: StatusCondition) -> StatusCondition:
+        """Return the condition with the status bits that the device in ``rig`` has for its word."""
         device = self.rig.devices.get(condition.device)
         bits = {} if device is None else device.declaration.status_bits
         if condition.word not in bits:
@@ -132,6 +137,7 @@ class _Fitting:
         return replace(condition, mask=bits[condition.word])
 
     def _need(self, name: str) -> None:
+        """Note the channel ``name`` if ``rig`` lacks it, or has it in another unit."""
         found, known = self.rig.recorded(name), self.real.recorded(name)
         if found is None:
             self.lacks[name] = None

@@ -8,12 +8,13 @@ from rigd.procedure.conditions.condition_text import describe_until
 from rigd.procedure.program import Comparison, CompiledProcedure, Condition, CycleProgram
 
 
-def unmeasured(
+def missing_measures(
     procedure: CompiledProcedure, peaks: Mapping[str, tuple[float, float]]
 ) -> Iterator[str]:
-    """Yield why no number of a measure comes, one sentence each.
+    """Yield a sentence for each measure that gives no number: why.
 
-    ``peaks`` are the lowest and highest value of each channel, those without any left out.
+    ``peaks`` has the lowest and the highest value of each channel, in SI; a channel that is not in
+    it may have any value.
     """
     steps = [step for trial in procedure.trials for step in trial.steps]
     played = {
@@ -37,6 +38,7 @@ def unmeasured(
 
 
 def _may_hold(condition: Condition, peaks: Mapping[str, tuple[float, float]]) -> bool:
+    """Return whether the condition holds somewhere between the peaks of its channel."""
     if condition.channel not in peaks:
         return True
     low, high = peaks[condition.channel]

@@ -24,7 +24,7 @@ from rigd.config.sibling.sibling import read_sibling
 from rigd.dry_run.at_limit import AtLimit
 from rigd.dry_run.elsewhere import for_sibling
 from rigd.dry_run.holding import HoldingHost, can_be_held, spans_of, with_holds
-from rigd.dry_run.missing_measures import unmeasured
+from rigd.dry_run.missing_measures import missing_measures
 from rigd.dry_run.peaks import PeakSink
 from rigd.dry_run.steps import StepRow, longest_of, step_rows, written_rows
 from rigd.dry_run.swings import PASSAGES, Swings
@@ -106,17 +106,17 @@ def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
 
 def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
     if rig.plant is not None:
-        return _played(procedure, procedure.on(rig), seed)
+        return _dry_run_with_plant(procedure, procedure.on(rig), seed)
     sibling = read_sibling(rig)
     if sibling is None:
-        return _written(procedure, procedure.on(rig))
+        return _dry_run_without_plant(procedure, procedure.on(rig))
     real = procedure.on(rig)
     stand_in = sibling.stand_in(real)
     fitted, faults = for_sibling(procedure, stand_in, real)
-    found = _played(replace(fitted, derived={}), stand_in, seed)
+    found = _dry_run_with_plant(replace(fitted, derived={}), stand_in, seed)
     return replace(
         found,
-        refusals=(*found.refusals, *_beyond(stand_in, found.peaks)),
+        refusals=(*found.refusals, *_out_of_sibling_range(stand_in, found.peaks)),
         physics="sibling",
         sibling=f"{sibling.rig.name} ({sibling.rig.source.path})",
         differences=sibling.differences,
@@ -137,8 +137,8 @@ def _pace_notes(rig: RigConfig, sibling: RigConfig) -> Iterator[str]:
                 )
 
 
-def _written(procedure: CompiledProcedure, rig: RigConfig) -> DryRunResult:
-    """Return what the procedure alone states."""
+def _dry_run_without_plant(procedure: CompiledProcedure, rig: RigConfig) -> DryRunResult:
+    """Return what the procedure alone states, without any physics."""
     known_s, most_s = longest_of(procedure)
     steps = list(procedure.steps())
     prompts = sum(isinstance(step, Prompt) for step in steps)
@@ -152,7 +152,7 @@ def _written(procedure: CompiledProcedure, rig: RigConfig) -> DryRunResult:
             f"{_count(prompts, 'prompt waits', 'prompts wait')} for an answer: not counted"
         )
     notes += _faults_note(sum(isinstance(step, Fault) for step in steps))
-    notes += unmeasured(procedure, {})
+    notes += missing_measures(procedure, {})
     return DryRunResult(
         most_s, written_rows(procedure, rig), (), (), physics="none", notes=tuple(notes),
         known_s=known_s,
@@ -169,8 +169,11 @@ def _count(count: int, single: str, several: str) -> str:
     return f"{count} {single if count == 1 else several}"
 
 
-def _beyond(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
-    """Yield setpoints that leave what the sibling's devices take: its physics is wrong there."""
+def _out_of_sibling_range(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
+    """Yield the setpoints that leave the range of their device in ``rig``, the simulated sibling.
+
+    The real rig takes them, but the physics of the sibling does not hold there.
+    """
     for device in rig.devices.values():
         for setpoint in device.setpoints:
             name = f"{device.name}.{setpoint.name}"
@@ -188,7 +191,7 @@ def _beyond(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
                     )
 
 
-def _saturated(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
+def _saturation(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
     """Yield measured channels that come to the end of their range: their peaks may be beyond."""
     for peak in peaks:
         channel = rig.channel(peak.channel)
@@ -204,7 +207,8 @@ def _saturated(rig: RigConfig, peaks: Sequence[PredictedPeak]) -> Iterator[str]:
                 yield f"{peak.channel} reaches the end of its range, {shown}: its peak is not known"
 
 
-def _played(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
+def _dry_run_with_plant(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
+    """Return the result of playing the procedure on the plant of ``rig``."""
     sink, clock, result = _play(procedure, rig, seed)
     refusals = _refusals(sink, result, rig) or [*_wrong_signs(procedure, rig, seed, sink)]
     if not refusals and can_be_held(procedure):
@@ -214,9 +218,9 @@ def _played(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
             f"with each step held once: {reason}" for reason in _refusals(held, ending, rig)
         ]
     peaks = tuple(_peaks(procedure, rig, sink))
-    refusals += _saturated(rig, peaks)
+    refusals += _saturation(rig, peaks)
     steps = step_rows(procedure, rig, sink.steps, clock.now())
-    notes = tuple(unmeasured(procedure, {} if refusals else sink.peaks))
+    notes = tuple(missing_measures(procedure, {} if refusals else sink.peaks))
     return DryRunResult(
         clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result, notes=notes
     )

@@ -157,7 +157,7 @@ def test_time_of_row_is_that_of_its_reading() -> None:
 
 def test_rows_in_turn_leave_no_reading_out() -> None:
     known = matching(299.0, 300.0, 301.0)
-    problems = [problem for _, problem in known.in_turn([kelvin(299.0), kelvin(301.0)])]
+    problems = [problem for _, problem in known.compare_next([kelvin(299.0), kelvin(301.0)])]
     assert problems == ["", "temperature is 301, and the device has sent 300"]
     assert known.waiting == 1
 

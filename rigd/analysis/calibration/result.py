@@ -31,7 +31,7 @@ class Measured:
         return math.hypot(*(item.u for item in self.budget))
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         budget = {term.name: term.u for term in self.budget}
         return {"value": self.value, "u": self.u, "unit": self.unit, "budget": budget}
 

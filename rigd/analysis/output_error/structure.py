@@ -103,7 +103,11 @@ class Suspect:
 
 
 def dependences(sources: Sequence[ErrorSource], contexts: Sequence[Context]) -> Iterator[Suspect]:
-    """Yield a candidate for every source and every context that changes."""
+    """Yield an error that the model may lack for each pair of a source and a context.
+
+    The error at the source is then a function of the context, of any shape. A context that never
+    changes gives none.
+    """
     for context in contexts:
         functions = context.functions()
         if functions is None:
@@ -118,6 +122,7 @@ def dependences(sources: Sequence[ErrorSource], contexts: Sequence[Context]) -> 
 
 
 def _responses(source: ErrorSource, functions: Sequence[FloatArray]) -> Columns:
+    """Return what the functions (n, c) of each trial, as an error at the source, add to outputs."""
     return [source.respond(trial, part) for trial, part in enumerate(functions)]
 
 
@@ -127,5 +132,6 @@ def _waves(share: FloatArray) -> FloatArray:
 
 
 def _harmonics(angle: FloatArray) -> FloatArray:
+    """Return cosines, then sines, of 1 to ``HARMONICS`` times the angle in rad."""
     turned = angle[:, None] * np.arange(1, HARMONICS + 1)
     return np.concatenate([np.cos(turned), np.sin(turned)], axis=1)

@@ -34,6 +34,7 @@ def listed(names: Sequence[str]) -> str:
 
 
 def _usable(result: IdentificationResult) -> str:
+    """Return the parameters and the curve that may be used, as text; "" if there are none."""
     if _misfit(result):
         return ""
     found = [*result.parameters, *result.derived]
@@ -77,6 +78,7 @@ def _band(curve: Curve) -> float | None:
 
 
 def _unusable(sections: Sequence[ReportSection]) -> list[str]:
+    """Return what may not be used, with the reason; things with the same reason together."""
     parts = [
         f"{section.label} as a whole: {section.result.gate.sentence.rstrip('.')}"
         for section in sections
@@ -93,7 +95,9 @@ def _unusable(sections: Sequence[ReportSection]) -> list[str]:
         if band is not None and band > USABLE_BAND:
             names = by_reason.setdefault("its band is too wide", {})
             names.setdefault(section.result.curve.y_name, []).append(section.label)
-    parts += [f"{_names(names, len(fitting))}: {why}" for why, names in by_reason.items()]
+    parts += [
+        f"{_names_with_sections(names, len(fitting))}: {why}" for why, names in by_reason.items()
+    ]
     return parts
 
 
@@ -101,18 +105,22 @@ def _reason(item: ParameterEstimate) -> str:
     return item.verdict.value
 
 
-def _names(names: Mapping[str, Sequence[str]], sections: int) -> str:
-    """Return names with the sections that each stands for, those of the same ones together."""
+def _names_with_sections(names: Mapping[str, Sequence[str]], sections: int) -> str:
+    """Return the names as text, each group of them with the labels of its sections in brackets.
+
+    ``names`` maps a name to the labels; names with the same labels are one group. There are no
+    brackets if the report has one section.
+    """
     together: dict[tuple[str, ...], list[str]] = {}
     for name, labels in names.items():
         together.setdefault(tuple(labels), []).append(name)
     return ", ".join(
-        listed(found) + ("" if sections == 1 else f" ({_whose(labels, sections)})")
+        listed(found) + ("" if sections == 1 else f" ({_section_list(labels, sections)})")
         for labels, found in together.items()
     )
 
 
-def _whose(labels: Sequence[str], sections: int) -> str:
+def _section_list(labels: Sequence[str], sections: int) -> str:
     return "all" if len(labels) == sections else ", ".join(labels)
 
 

@@ -87,7 +87,7 @@ class ValidatedTrial:
         raise KeyError(output)
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object: samples stand in the recording."""
+        """Return the fields of the JSON object: samples stand in the recording."""
         return {
             "label": self.label,
             "recording": self.recording,

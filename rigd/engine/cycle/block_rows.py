@@ -119,7 +119,7 @@ class BlockRecorder:
         """Record or drop the rows about which the cycle has decided meanwhile."""
         if self._windows is not None and self._waiting:
             newest_ns = int(self._waiting[-1][TIME_FIELD][-1])
-            self._settle(
+            self._record_until(
                 self._windows,
                 max(self._windows.decided_ns, newest_ns - PATIENCE_NS - self._windows.lag_ns),
             )
@@ -127,9 +127,10 @@ class BlockRecorder:
     def finish(self) -> None:
         """Record or drop the rows that still wait, by the last decision of the cycle."""
         if self._windows is not None and self._waiting:
-            self._settle(self._windows, int(self._waiting[-1][TIME_FIELD][-1]))
+            self._record_until(self._windows, int(self._waiting[-1][TIME_FIELD][-1]))
 
-    def _settle(self, windows: Windows, until_ns: int) -> None:
+    def _record_until(self, windows: Windows, until_ns: int) -> None:
+        """Of the rows up to ``until_ns``, Unix time, record those in ``windows``, drop the rest."""
         while self._waiting:
             rows = self._waiting.popleft()
             count = int(np.searchsorted(rows[TIME_FIELD], until_ns, side="right"))

@@ -51,8 +51,9 @@ class Player:
 
     Call :meth:`step` once per cycle with the newest values; it updates the wanted setpoints in
     place and returns an outcome when the program has ended. The next segment begins within the same
-    cycle. ``readings`` also contains status words, as ``device.status``. ``loops`` maps the
-    setpoint of each controller to what it commands. ``taken`` has the times of the values.
+    cycle. ``readings`` and ``setpoints`` map each name to its place in the values of a cycle;
+    ``readings`` also contains status words, as ``device.status``. ``loops`` maps the setpoint of
+    each controller to what it commands. ``taken`` has the times of the values.
 
     Raises:
         KeyError: the program names an unknown channel or setpoint.
@@ -67,15 +68,18 @@ class Player:
         taken: Taken | None = None,
     ) -> None:
         self._segments = program.segments
-        self._acting = list(through(loops, (segment.setpoints for segment in program.segments)))
+        #: For each segment the setpoints of the controllers that act in it.
+        self._controllers = list(
+            through(loops, (segment.setpoints for segment in program.segments))
+        )
         self._watches = [Watches(segment.until, readings, taken) for segment in program.segments]
         self._profiles = [
             [(setpoints[name], profile) for name, profile in segment.setpoints.items()]
             for segment in program.segments
         ]
         self._holds = [
-            None if segment.hold is None else Holding(segment.hold, at_work, setpoints, loops)
-            for segment, at_work in zip(program.segments, self._acting, strict=True)
+            None if segment.hold is None else Holding(segment.hold, controllers, setpoints, loops)
+            for segment, controllers in zip(program.segments, self._controllers, strict=True)
         ]
         self._limits = [
             (readings[limit.channel], limit.low, limit.high, limit) for limit in program.limits
@@ -97,7 +101,7 @@ class Player:
         hold = self._hold
         if hold is not None and hold.phase is HoldPhase.HELD:
             return hold.acting
-        return self._acting[self._position]
+        return self._controllers[self._position]
 
     @property
     def phase(self) -> HoldPhase:
@@ -164,6 +168,7 @@ class Player:
         return None
 
     def _enter(self, t_ns: int, wanted: MutableSequence[float], before: Sequence[float]) -> None:
+        """Begin the segment at the present position, with its setpoints from ``before`` on."""
         self._began_ns = t_ns
         self._watches[self._position].restart(t_ns)
         self._moving.clear()
@@ -175,6 +180,7 @@ class Player:
                 self._moving.append((place, profile, initial))
 
     def _segment_over(self, t_ns: int, values: Sequence[float]) -> bool | Outcome:
+        """Return whether the segment has ended; an outcome if its timeout ends the program."""
         segment = self._segments[self._position]
         if self._watches[self._position].met(t_ns, values):
             return True

@@ -407,7 +407,7 @@ class _Played:
                 raise StepFailed(f"{-kept} rows more than the device has sent")
             self._kept.append(kept)
             for at_ns, (taken_s, problem) in zip(
-                times, self._readings.in_turn(block.values.tolist()), strict=True
+                times, self._readings.compare_next(block.values.tolist()), strict=True
             ):
                 if problem:
                     raise StepFailed(problem)

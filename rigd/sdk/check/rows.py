@@ -155,10 +155,15 @@ class Matching:
         """How many of them no row has shown."""
         return self.sent - self._next
 
-    def in_turn(self, rows: Sequence[Sequence[float]]) -> Iterator[tuple[float, str]]:
-        """Yield when the next reading, for each row, was taken, in s, and what is wrong, or ""."""
+    def compare_next(self, rows: Sequence[Sequence[float]]) -> Iterator[tuple[float, str]]:
+        """Compare each row with the next reading that the device has sent.
+
+        Yield the time of the reading (CLOCK_MONOTONIC, in s) and the first problem of the row, or
+        "".
+        """
+        readings = () if self._readings is None else self._readings
         for row in rows:
-            reading = (self._readings or ())[self._next]
+            reading = readings[self._next]
             self._next += 1
             yield reading.taken_s, next(self._wrong(row, reading), "")
 

@@ -73,7 +73,7 @@ def numbers_of(text: str) -> tuple[list[str], Callable[[memoryview], tuple[float
     """
     try:
         types = _types(text)
-        names = list(_names(types, "", ""))
+        names = list(_number_names(types, "", ""))
     except Malformed:
         return None
     if not names or len(set(names)) < len(names):
@@ -130,12 +130,17 @@ def _fields(types: Types, name: str) -> tuple[Field, ...]:
     return found[0]
 
 
-def _names(types: Types, of: str, path: str, depth: int = 0) -> Iterator[str]:
+def _number_names(types: Types, type_name: str, path: str, depth: int = 0) -> Iterator[str]:
+    """Yield the names of the numbers in a type, with ``path`` before each.
+
+    Raises:
+        Malformed: a type is not defined, or contains itself.
+    """
     if depth > _MOST_DEPTH:
         raise Malformed("types within types without an end")
-    for field in _fields(types, of) if of else types[""]:
+    for field in _fields(types, type_name) if type_name else types[""]:
         if field.type != _TEXT and field.type not in _NUMBERS:
-            _fields(types, field.type)
+            _fields(types, field.type)  # raises if the type is not defined
         if field.type == _TEXT or not _is_kept(field):
             continue
         for number in range(field.size or 0):
@@ -143,16 +148,16 @@ def _names(types: Types, of: str, path: str, depth: int = 0) -> Iterator[str]:
             if field.type in _NUMBERS:
                 yield name
             else:
-                yield from _names(types, field.type, f"{name}.", depth + 1)
+                yield from _number_names(types, field.type, f"{name}.", depth + 1)
 
 
 def _is_kept(field: Field) -> bool:
     return field.size is not None and field.size <= _MOST_ELEMENTS
 
 
-def _read(types: Types, of: str, cursor: _Cursor, values: list[float] | None) -> None:
+def _read(types: Types, type_name: str, cursor: _Cursor, values: list[float] | None) -> None:
     """Read a type from the cursor on; add its numbers to ``values``, None to pass over them."""
-    fields = _fields(types, of) if of else types[""]
+    fields = _fields(types, type_name) if type_name else types[""]
     if not fields:
         cursor.at += 1  # of a type without fields
     for field in fields:

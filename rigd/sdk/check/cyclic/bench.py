@@ -109,7 +109,7 @@ class Bench(LinkedBench):
         expect("open", self.open())
         expect("arm", self.call(self.driver.arm))
         self.become_ready(lambda: self.check_row(expect("a cycle", self.cycle())))
-        wanted = far(self.driver)
+        wanted = far_setpoints(self.driver)
         until(
             lambda: bool(self.cycle(wanted).error) or self.look().driven in ((), wanted), FOLLOWS_S
         )
@@ -249,17 +249,13 @@ def is_switch(channel: Channel) -> bool:
     return channel.unit == "1" and (channel.low, channel.high) == (0.0, 1.0)
 
 
-def far(driver: Driver) -> tuple[float, ...]:
-    """Return setpoints in the middle between rest and the end of their ranges far from it.
-
-    A switch stays at rest.
-    """
-    return tuple(
-        at
-        if is_switch(channel)
-        else 0.5 * (at + (channel.high if channel.high - at >= at - channel.low else channel.low))
-        for channel, at in zip(driver.declaration.setpoints, rest(driver), strict=True)
-    )
+def far_setpoints(driver: Driver) -> tuple[float, ...]:
+    """Return setpoints halfway from rest to the farther end of their ranges; switches at rest."""
+    found = []
+    for channel, at_rest in zip(driver.declaration.setpoints, rest(driver), strict=True):
+        farther = max(channel.high, channel.low, key=lambda end: abs(end - at_rest))
+        found.append(at_rest if is_switch(channel) else 0.5 * (at_rest + farther))
+    return tuple(found)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from functools import partial
 from typing import Final
 
 from rigd.sdk.check.caller import OPEN_S, RECEIVES, TAIL_S, hearing
-from rigd.sdk.check.cyclic.bench import SAFE_S, Bench, bench, far
+from rigd.sdk.check.cyclic.bench import SAFE_S, Bench, bench, far_setpoints
 from rigd.sdk.check.cyclic.sequences import any_order, near
 from rigd.sdk.check.drawn_options import counted_s, intervals, too_often
 from rigd.sdk.check.leaks import kept_for_good
@@ -60,9 +60,9 @@ def _bounded(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
         found.run()
         for _ in range(CYCLES):
-            found.cycle(far(found.driver))
+            found.cycle(far_setpoints(found.driver))
         yield from _waits(found)
-        go_on = partial(found.cycle, far(found.driver))
+        go_on = partial(found.cycle, far_setpoints(found.driver))
         yield from kept_for_good(found.driver, found.peer, GROWS_CYCLES, go_on)
     with bench(subject) as found:
         found.run()
@@ -77,7 +77,7 @@ def _intervals(subject: Subject) -> Iterator[str]:
             found.run()
             before, began_s = found.readings.sent, time.monotonic()
             while time.monotonic() < began_s + counted_s(apart_s):
-                found.cycle(far(found.driver))
+                found.cycle(far_setpoints(found.driver))
             sent, for_s = found.readings.sent - before, time.monotonic() - began_s
             yield from too_often(sent, for_s, apart_s)
 
@@ -98,8 +98,8 @@ def _taken_at_once(found: Bench) -> Iterator[str]:
     if begin := found.peer.faults.get("flooding"):
         begin()
     for _ in range(FLOOD):
-        found.cycle(far(found.driver), 0.0, reads=False)
-    found.cycle(far(found.driver))  # it asks
+        found.cycle(far_setpoints(found.driver), 0.0, reads=False)
+    found.cycle(far_setpoints(found.driver))  # it asks
     time.sleep(FLOOD_S)
     taken: list[None] = []
 
@@ -122,7 +122,7 @@ def _fault(fault: str, *, rows: bool = False) -> Check:
                 rng = random.Random(f"{subject.seed} {fault} {at_once}")
                 found.run()
                 for _ in range(rng.randrange(20)):
-                    found.cycle(far(found.driver))
+                    found.cycle(far_setpoints(found.driver))
                 trips = found.look().trips
                 found.peer.faults[fault]()
                 if not at_once:
@@ -147,7 +147,7 @@ def _cycled(found: Bench, fault: str, *, rows: bool) -> Iterator[str]:
     began_s, number, raised = time.monotonic(), 0, False
     end = began_s + FAULT_S + 2 * found.driver.declaration.silent_s
     while time.monotonic() < end or number <= TAIL_CYCLES:
-        outcome = found.cycle(far(found.driver))
+        outcome = found.cycle(far_setpoints(found.driver))
         number += 1
         raised |= outcome.error is not None
         # It takes a late answer for that to another question if a row is not of the newest.
@@ -212,7 +212,7 @@ def _refused(subject: Subject) -> Iterator[str]:
             declared = found.driver.declaration
             found.run()
             found.peer.faults["refusing"]()
-            wanted = tuple(value / 2 for value in far(found.driver))
+            wanted = tuple(value / 2 for value in far_setpoints(found.driver))
             end = time.monotonic() + FAULT_S + 2 * declared.silent_s
             error = None
             while error is None and time.monotonic() < end:

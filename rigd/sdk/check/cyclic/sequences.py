@@ -26,7 +26,7 @@ from rigd.sdk.check.cyclic.bench import (
     PERIOD_S,
     Bench,
     clipped,
-    far,
+    far_setpoints,
     is_switch,
     mounted,
     rest,
@@ -414,7 +414,7 @@ class _Played:
     def _arm_anew(self) -> None:
         """Make it safe, arm it and write, in one cycle: what was sent before is of no account."""
         found = self._found
-        self._write(far(found.driver))
+        self._write(far_setpoints(found.driver))
         self._passed += [self._safe, rest(found.driver)]
         expect("make_safe", found.call(found.driver.make_safe))
         expect("arm", found.call(found.driver.arm))
