@@ -76,8 +76,8 @@ def contradictions(config: NodeConfig, link: LinkConfig | None, plan: Plan) -> l
     sheet = config.sheet()
     if sheet is None:
         return []
-    return [*_of_connection(sheet, config.node, getattr(link, "bitrate", None)),
-            *_of_profile(sheet, plan.profile), *_of_objects(sheet, plan)]  # fmt: skip
+    return [*_connection_problems(sheet, config.node, getattr(link, "bitrate", None)),
+            *_profile_problems(sheet, plan.profile), *_object_problems(sheet, plan)]  # fmt: skip
 
 
 def refuse(device: object, problems: Sequence[str]) -> None:
@@ -86,7 +86,8 @@ def refuse(device: object, problems: Sequence[str]) -> None:
         raise ProtocolError(f"{device}: {'; '.join(problems)}", hint=WRONG_EDS)
 
 
-def _of_connection(sheet: Sheet, node: int, bitrate: float | None) -> Iterator[str]:
+def _connection_problems(sheet: Sheet, node: int, bitrate: float | None) -> Iterator[str]:
+    """Yield how node id and bit rate (bit/s; None: not known) differ from the EDS."""
     name = sheet.path.name
     if sheet.node is not None and sheet.node != node:
         yield f"{name} is of node {sheet.node}, `node` is {node}"
@@ -102,13 +103,14 @@ def _of_connection(sheet: Sheet, node: int, bitrate: float | None) -> Iterator[s
         yield f"{name} offers {known} kbit/s, the link has {bitrate / 1e3:g} kbit/s"
 
 
-def _of_profile(sheet: Sheet, profile: int) -> Iterator[str]:
+def _profile_problems(sheet: Sheet, profile: int) -> Iterator[str]:
     if sheet.profile not in (None, profile):
         where = sheet.at(objects.DEVICE_TYPE.index, key="DefaultValue")
         yield f"{where}: this is a device of profile {sheet.profile}, this driver is for {profile}"
 
 
-def _of_objects(sheet: Sheet, plan: Plan) -> Iterator[str]:
+def _object_problems(sheet: Sheet, plan: Plan) -> Iterator[str]:
+    """Yield why the device cannot do the transfers of ``plan`` by its EDS; each problem once."""
     reported: dict[str, None] = {}
     for entry in (objects.DEVICE_TYPE, *plan.reads):
         if problem := sheet.unreadable(entry):

@@ -201,7 +201,12 @@ def evaluate(
     commands: Floats, y: Floats, dy: Floats, slides: Flags, excess: Floats, torques: Floats,
     work: Floats, shown: Floats | None,
 ) -> None:  # fmt: skip
-    """Set ``dy``, the rates of the state ``y`` (records.Robot.size has the order).
+    """Set ``dy``, the rates of the state ``y`` in SI units (records.Robot.size has the order).
+
+    ``c`` has the constants of the robot, ``modules`` and ``spins`` a row for each, ``commands`` the
+    target of each motor in rad/s and whether it is on; ``beta``, ``gram`` and ``wheel_spin`` are as
+    in :class:`~rigd_sim.articulated.records.Robot`, ``work`` is room for what is computed on the
+    way.
 
     ``excess`` gets for each wheel the squared trial force over the square of mu_s f_n, less 1;
     ``torques`` the torque of each motor in N m, then the regularised sign of each spin's speed. If
@@ -239,8 +244,8 @@ def evaluate(
             vx -= rim * work[j, SIN]
             vy += rim * work[j, COS]
         forward, aside = cosine * vx + sine * vy, cosine * vy - sine * vx
-        swings = c.loads == VERTICAL
-        if swings:
+        has_suspension = c.loads == VERTICAL
+        if has_suspension:
             forward -= module.lever * y[legs + 5]
             aside += module.height * y[legs + 4]
         k_lon, k_lat, load = module.k_lon, module.k_lat, module.load
@@ -276,7 +281,7 @@ def evaluate(
             rolling = module.k_roll * load * torques[m + j]
             dy[turning + j] -= module.r * f_lon + rolling
             lost += f_lon * slip - f_lat * eta + rolling * spin
-            if swings:
+            if has_suspension:
                 pressed, rate = leg(module, y, legs, front, left)
                 lost += (module.stiffness * max(0.0, pressed) - load) * rate
                 lift += load
@@ -290,7 +295,7 @@ def evaluate(
         if c.loads >= TRANSFER:
             torque = 0.0
             for j in range(m):
-                if swings and spins[j].module == i:
+                if has_suspension and spins[j].module == i:
                     torque += spins[j].ratio * torques[j]
             supplied -= torque * y[legs + 5]
             legs_rates(c, module, y, dy, legs, along, across, lift, roll, pitch, torque)

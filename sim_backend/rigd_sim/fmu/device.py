@@ -124,7 +124,7 @@ def wrong_key(error: ValueError) -> str:
 
 def _channel(name: str, part: FmuOutput, fmu: FmuFile | None) -> Channel:
     is_input = isinstance(part, FmuInput)
-    variable = None if fmu is None else checked(fmu, part.variable, is_input=is_input)
+    variable = None if fmu is None else numeric_variable(fmu, part.variable, is_input=is_input)
     unit, low, high, doc = part.unit, -math.inf, math.inf, f"variable {part.variable} of the FMU"
     if variable is not None:
         unit = _unit(part, variable)
@@ -159,11 +159,11 @@ def _quantity(key: str, text: str | None, unit: str, default: float) -> float:
         raise _Wrong(key, str(error)) from error
 
 
-def checked(fmu: FmuFile, name: str, *, is_input: bool) -> Variable:
-    """Return the number ``name`` that the FMU takes, or gives.
+def numeric_variable(fmu: FmuFile, name: str, *, is_input: bool) -> Variable:
+    """Return the variable ``name``: an input of the FMU, or an output or local variable of it.
 
     Raises:
-        ValueError: it is of another causality, no number, or there is none.
+        ValueError: there is no such variable, it is not numeric, or it has another causality.
     """
     variable = find(fmu, name)
     if variable.kind not in NUMBERS:

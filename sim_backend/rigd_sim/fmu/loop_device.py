@@ -29,7 +29,7 @@ from rigd.sdk import (
     WrongEntries,
 )
 from rigd_sim.fmu.description import FmuFile, Variable
-from rigd_sim.fmu.device import Name, Output, checked, conversion_of, wrong_key
+from rigd_sim.fmu.device import Name, Output, conversion_of, numeric_variable, wrong_key
 from rigd_sim.fmu.messages import Wires
 from rigd_sim.fmu.options import UnitOptions, misfit
 from rigd_sim.fmu.process import FmuProcess
@@ -69,7 +69,7 @@ class LoopInput(Documented):
         Raises:
             ValueError: there is none, or its unit is not known.
         """
-        variable = checked(fmu, name, is_input=True)
+        variable = numeric_variable(fmu, name, is_input=True)
         self._conversion = variable.unit or self._stated(variable)
         if variable.unit is not None and self.unit is not None:
             variable.unit.check(self.unit)

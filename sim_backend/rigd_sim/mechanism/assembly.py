@@ -120,12 +120,12 @@ class _Builder:
         item: Spring = self.given.springs[name]
         path, notes = ("springs", name), self.notes
         along = between_two(path, item.between, item.radius, self.bodies, notes)
-        force, way = along.force_unit, along.unit
-        stiffness = notes.amount((*path, "stiffness"), item.stiffness, along.per_way(), high=1e10)
-        damping = notes.amount((*path, "damping"), item.damping, along.per_way("s"), high=1e8)
+        force, unit = along.force_unit, along.unit
+        stiffness = notes.amount((*path, "stiffness"), item.stiffness, along.force_per(), high=1e10)
+        damping = notes.amount((*path, "damping"), item.damping, along.force_per("s"), high=1e8)
         if stiffness == 0.0 and damping == 0.0:
             raise notes.refuse(path, f"{name} has neither stiffness nor damping: it does nothing")
-        play = notes.amount((*path, "play"), item.play, way, high=1e3)
+        play = notes.amount((*path, "play"), item.play, unit, high=1e3)
         preload = notes.signed((*path, "preload"), item.preload, force)
         if preload != 0.0 and (play != 0.0 or stiffness == 0.0):
             raise notes.refuse((*path, "preload"), "only a spring without play has a preload")
@@ -158,21 +158,21 @@ class _Builder:
     def _stop(self, name: str) -> Element:
         item, path, notes = self.given.stops[name], ("stops", name), self.notes
         along = of_body((*path, "body"), item.body, self.bodies, notes)
-        axis, way = self.bodies.axes[item.body], along.unit
-        low = notes.signed((*path, "low"), item.low, way)
-        high = notes.signed((*path, "high"), item.high, way)
+        axis, unit = self.bodies.axes[item.body], along.unit
+        low = notes.signed((*path, "low"), item.low, unit)
+        high = notes.signed((*path, "high"), item.high, unit)
         if not low <= axis.start <= high:
             raise notes.refuse(
-                path, f"{item.body} starts at {axis.start:g} {way}, not between its stops "
-                f"at {low:g} and {high:g} {way}",
+                path, f"{item.body} starts at {axis.start:g} {unit}, not between its stops "
+                f"at {low:g} and {high:g} {unit}",
             )  # fmt: skip
         numbers = {
             "low": low,
             "high": high,
             "k": notes.amount(
-                (*path, "stiffness"), item.stiffness, along.per_way(), high=1e10, above=True
+                (*path, "stiffness"), item.stiffness, along.force_per(), high=1e10, above=True
             ),
-            "d": notes.amount((*path, "damping"), item.damping, along.per_way("s"), high=1e8),
+            "d": notes.amount((*path, "damping"), item.damping, along.force_per("s"), high=1e8),
         }
         return _element(name, Kind.STOP, along, numbers, offset=axis.start)
 

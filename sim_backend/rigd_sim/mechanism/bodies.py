@@ -93,7 +93,7 @@ def _give_speed(result: Moving, dof: int, name: str, speed: float, notes: Notes)
 
 
 def _coupled(given: Description, notes: Notes) -> dict[str, tuple[str, float]]:
-    """Return for each body the first of those it is coupled to, and its way per way of that."""
+    """Return for each body the first of those it is coupled to, and its displacement over that."""
     found = {name: (name, 1.0) for name in given.bodies}
     through: dict[str, list[str]] = {name: [] for name in given.bodies}
     for name, gear in given.gears.items():
@@ -121,7 +121,7 @@ def _coupled(given: Description, notes: Notes) -> dict[str, tuple[str, float]]:
 
 
 def _factor(name: str, gear: Gear, given: Description, notes: Notes) -> float:
-    """Return the way of the second body per way of the first."""
+    """Return the displacement of the second body per displacement of the first."""
     path = ("gears", name)
     for place, body in enumerate(gear.between):
         if body == GROUND:

@@ -102,27 +102,27 @@ def _current(
 def _servo(
     path: Path, item: Drive, along: Strain, start: float, notes: Notes
 ) -> tuple[dict[str, float], _Setpoint]:
-    way, force = along.unit, along.force_unit
+    unit, force = along.unit, along.force_unit
     limit = notes.amount((*path, "limit"), item.limit, force, high=1e7, above=True)
     fastest = notes.amount(
-        (*path, "speed_limit"), item.speed_limit, f"{way}/s", high=1e6, above=True
+        (*path, "speed_limit"), item.speed_limit, f"{unit}/s", high=1e6, above=True
     )
     numbers = {
         "limit": limit,
         "fastest": fastest,
-        "d": notes.amount((*path, "gain"), item.gain, along.per_way("s"), high=1e8, above=True),
-        "k": notes.amount((*path, "integral"), item.integral, along.per_way(), high=1e10),
+        "d": notes.amount((*path, "gain"), item.gain, along.force_per("s"), high=1e8, above=True),
+        "k": notes.amount((*path, "integral"), item.integral, along.force_per(), high=1e10),
     }
     if item.mode == "speed":
-        return numbers, _Setpoint(f"{way}/s", -fastest, fastest)
-    low = notes.signed((*path, "low"), item.low, way)
-    high = notes.signed((*path, "high"), item.high, way)
+        return numbers, _Setpoint(f"{unit}/s", -fastest, fastest)
+    low = notes.signed((*path, "low"), item.low, unit)
+    high = notes.signed((*path, "high"), item.high, unit)
     if not low <= start <= high:
         raise notes.refuse(
-            path, f"{item.body} starts at {start:g} {way}, outside its range of "
+            path, f"{item.body} starts at {start:g} {unit}, outside its range of "
             f"{item.low} to {item.high}",
         )  # fmt: skip
-    return numbers | {"outer": item.position_gain or 0.0}, _Setpoint(way, low, high)
+    return numbers | {"outer": item.position_gain or 0.0}, _Setpoint(unit, low, high)
 
 
 def _reaches(

@@ -1,4 +1,8 @@
-"""Finds the way along which an element acts: its ends on degrees of freedom, and its units."""
+"""Finds the displacement that an element acts on: of one body, or of one against another.
+
+An element is a spring, a damper, a friction or a drive. The displacement is a sum of degrees of
+freedom, each with a factor.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +16,15 @@ from rigd_sim.mechanism.network import End
 
 @dataclass(frozen=True)
 class Strain:
-    """The way of the first body less that of the second."""
+    """The displacement of the first body less that of the second."""
 
     ends: tuple[End, ...]
-    turns: bool  #: the way is an angle, the force a torque
+    turns: bool  #: the displacement is an angle, the force a torque
     radius: float = 0.0  #: of the first shaft; 0: none
 
     @property
     def unit(self) -> str:
-        """SI unit of the way."""
+        """SI unit of the displacement."""
         return "rad" if self.turns else "m"
 
     @property
@@ -28,13 +32,13 @@ class Strain:
         """SI unit of the force."""
         return "N m" if self.turns else "N"
 
-    def per_way(self, factor: str = "") -> str:
-        """Return the unit of force per way; ``factor`` is ``s`` for a force per speed."""
+    def force_per(self, factor: str = "") -> str:
+        """Return the unit of force per displacement; ``factor`` is ``s`` for a force per speed."""
         return f"{self.force_unit} {factor}".strip() + f"/{self.unit}"
 
 
 def of_body(path: Path, name: str, bodies: Moving, notes: Notes) -> Strain:
-    """Return the way of one body against the ground; ``path`` is that of its name.
+    """Return the displacement of one body against the ground; ``path`` is that of its name.
 
     Raises:
         Wrong: there is no such body.
@@ -53,7 +57,7 @@ def between_two(
     bodies: Moving,
     notes: Notes,
 ) -> Strain:
-    """Return the way between two bodies; a shaft counts at its radius, if there is one.
+    """Return the displacement between two bodies; a shaft counts at its radius, if there is one.
 
     Raises:
         Wrong: there are no such bodies, or the radii do not fit them.

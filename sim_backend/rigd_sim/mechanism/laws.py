@@ -24,9 +24,9 @@ SMOOTH: Final = 1e-3
 
 
 def law_numbers(
-    path: Path, law: Law, force: str, way: str, notes: Notes
+    path: Path, law: Law, force: str, length: str, notes: Notes
 ) -> tuple[Kind, dict[str, float]]:
-    """Return kind and numbers of a law whose forces are in ``force``, ways in ``way``.
+    """Return kind and numbers of a law whose forces are in ``force``, displacements in ``length``.
 
     Raises:
         Wrong: a key is missing, or not of this law.
@@ -40,8 +40,8 @@ def law_numbers(
         if key not in law.model_fields_set:
             raise notes.refuse(path, f"law {law.kind} needs '{key}'")
     share = force == "1"
-    per_way, per_speed = (
-        (f"1/{way}", f"s/{way}") if share else (f"{force}/{way}", f"{force} s/{way}")
+    per_length, per_speed = (
+        (f"1/{length}", f"s/{length}") if share else (f"{force}/{length}", f"{force} s/{length}")
     )
     most = 10.0 if share else 1e7
     visc = notes.amount((*path, "viscous"), law.viscous, per_speed, high=1e4 if share else 1e8)
@@ -62,15 +62,15 @@ def law_numbers(
                 "at least that of sliding",
             )
         numbers["v_s"] = notes.amount(
-            (*path, "stribeck_speed"), law.stribeck_speed, f"{way}/s", high=1e4, above=True
+            (*path, "stribeck_speed"), law.stribeck_speed, f"{length}/s", high=1e4, above=True
         )
     if bristles:
         numbers["s_0"] = notes.amount(
-            (*path, "sigma_0"), law.sigma_0, per_way, high=1e10, above=True
+            (*path, "sigma_0"), law.sigma_0, per_length, high=1e10, above=True
         )
         numbers["s_1"] = notes.amount((*path, "sigma_1"), law.sigma_1, per_speed, high=1e8)
         return Kind.BRISTLES, numbers
     numbers["smooth"] = SMOOTH if law.smooth is None else notes.amount(
-        (*path, "smooth"), law.smooth, f"{way}/s", high=10.0, above=True
+        (*path, "smooth"), law.smooth, f"{length}/s", high=10.0, above=True
     )  # fmt: skip
     return Kind.SLIDING, numbers

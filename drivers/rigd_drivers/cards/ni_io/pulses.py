@@ -44,21 +44,20 @@ class PulseReader:
         self._reader.verify_array_shape = False
 
     def take(self, timeout_s: float) -> Train:
-        """Return all pulses that have ended."""
+        """Return the totals, since the start of the task, of the pulses that have ended by now."""
         count = self._task.in_stream.avail_samp_per_chan
         if not count:
             return self._train
-        first, low = np.zeros(count), np.zeros(count)
-        high_s = 0.0
         if self._width:
-            self._reader.read_many_sample_pulse_time(first, low, count, timeout_s)
-            high_s = float(first.sum())
+            highs_s, lows_s = np.zeros(count), np.zeros(count)
+            self._reader.read_many_sample_pulse_time(highs_s, lows_s, count, timeout_s)
+            high_s, total_s = float(highs_s.sum()), float(highs_s.sum() + lows_s.sum())
         else:
-            self._reader.read_many_sample_double(first, count, timeout_s)
+            periods_s = np.zeros(count)
+            self._reader.read_many_sample_double(periods_s, count, timeout_s)
+            high_s, total_s = 0.0, float(periods_s.sum())
         before = self._train
         self._train = Train(
-            before.pulses + count,
-            before.periods_s + float(first.sum() + low.sum()),
-            before.high_s + high_s,
+            before.pulses + count, before.periods_s + total_s, before.high_s + high_s
         )
         return self._train

@@ -113,25 +113,25 @@ def check_read_back(setpoints: Mapping[str, ReadBack]) -> None:
             raise wrong_entry(f"within {item.within} of {name} must be above 0", name, "within")
 
 
-def check_acting(setpoints: Mapping[str, object], acting: Mapping[str, object]) -> None:
-    """Check that an instrument with setpoints can be made safe, and that no other is said to be.
+def check_safe_options(setpoints: Mapping[str, object], options: Mapping[str, object]) -> None:
+    """Check that an instrument with setpoints states how it is made safe, and one without does not.
 
     Args:
         setpoints: those of the instrument, by name.
-        acting: its options `arm`, `safe` and `state`, by name.
+        options: its options `arm`, `safe` and `state`, by name.
 
     Raises:
         WrongEntries: `safe` or `state` is missing; or there are no setpoints, and one is given.
     """
     if not setpoints:
-        given = [key for key, value in acting.items() if value]
+        given = [key for key, value in options.items() if value]
         if given:
             raise wrong_entry(
                 f"'{given[0]}' is for an instrument with setpoints: give some", given[0]
             )
         return
     for key in ("safe", "state"):
-        if not acting[key]:
+        if not options[key]:
             raise wrong_entry(
                 f"with setpoints, '{key}' is needed: how the instrument is made safe, and how it "
                 "shows that",

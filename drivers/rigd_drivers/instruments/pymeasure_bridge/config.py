@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 from rigd.model.machine.extras import is_installed
 from rigd.sdk import DriverConfig, In, WrongEntries, wrong_entry
 from rigd_drivers.instruments.lines.config import ChannelName, LineChannel
-from rigd_drivers.instruments.lines.outputs import ReadBack, check_acting, check_read_back
+from rigd_drivers.instruments.lines.outputs import ReadBack, check_read_back, check_safe_options
 from rigd_drivers.instruments.polling import PolledConfig
 from rigd_drivers.instruments.pymeasure_bridge.checking import Use, problems
 
@@ -151,8 +151,8 @@ class PymeasureConfig(PolledConfig):
 
     @model_validator(mode="after")
     def _safe_is_known(self) -> Self:
-        acting = {"arm": self.arm, "safe": self.safe, "state": self.state}
-        check_acting(self.setpoints, acting)
+        options = {"arm": self.arm, "safe": self.safe, "state": self.state}
+        check_safe_options(self.setpoints, options)
         if self.setpoints and self.timeout > _MOST_IF_SET_S:
             raise wrong_entry(
                 f"timeout {self.timeout:g} s: an instrument with setpoints must be safe within "

@@ -15,8 +15,8 @@ from rigd_drivers.instruments.lines.outputs import (
     LineOutput,
     LineState,
     ReadBack,
-    check_acting,
     check_read_back,
+    check_safe_options,
     check_writes,
 )
 from rigd_drivers.instruments.lines.text import encoded
@@ -85,8 +85,8 @@ class ScpiConfig(PolledConfig, PortConfig):
 
     @model_validator(mode="after")
     def _safe_is_known(self) -> Self:
-        acting = {"arm": self.arm, "safe": self.safe, "state": self.state}
-        check_acting(self.setpoints, acting)
+        options = {"arm": self.arm, "safe": self.safe, "state": self.state}
+        check_safe_options(self.setpoints, options)
         return self
 
     def line(self, command: str) -> bytes:

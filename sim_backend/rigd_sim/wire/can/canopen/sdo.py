@@ -13,6 +13,16 @@ INITIATE_DOWNLOAD: Final = 1
 INITIATE_UPLOAD: Final = 2
 UPLOAD_SEGMENT: Final = 3
 ABORT: Final = 4
+#: First byte of the server's answers: its command specifier in bits 7 to 5.
+DOWNLOAD_INITIATED: Final = 0x60
+SEGMENT_DOWNLOADED: Final = 0x20
+UPLOAD_INITIATED: Final = 0x40
+ABORTED: Final = 0x80
+#: Bits of the first byte that begins a transfer: the data are in this frame; the size is stated.
+EXPEDITED: Final = 0x02
+SIZED: Final = 0x01
+#: Bit of the first byte of a segment: no more segments follow.
+LAST: Final = 0x01
 #: An SDO is always 8 bytes long.
 LENGTH: Final = 8
 SEGMENT: Final = 7
@@ -34,7 +44,9 @@ class _Transfer:
 
 def abort_frame(index: int, sub: int, code: int) -> bytes:
     """Return the abort of a transfer."""
-    return b"\x80" + index.to_bytes(2, "little") + bytes([sub]) + code.to_bytes(4, "little")
+    return (
+        bytes([ABORTED]) + index.to_bytes(2, "little") + bytes([sub]) + code.to_bytes(4, "little")
+    )
 
 
 def is_segment(request: bytes) -> bool:
@@ -91,9 +103,10 @@ class SdoServer:
             return abort_frame(index, sub, refused.code)
 
     def _begin_download(self, request: bytes, index: int, sub: int) -> bytes:
+        """Write a value of up to 4 bytes, or begin a segmented download; return the answer."""
         self._transfer = None
         entry = self._dictionary.find(index, sub)
-        expedited, sized = request[0] & 0x02, request[0] & 0x01
+        expedited, sized = request[0] & EXPEDITED, request[0] & SIZED
         if expedited:
             length = 4 - (request[0] >> 2 & 0x03) if sized else entry.kind.bits // 8
             entry.write(request[4 : 4 + length])
@@ -102,16 +115,17 @@ class SdoServer:
             if announced is not None and announced > LONGEST:
                 raise Abort(AbortCode.TOO_LONG)
             self._transfer = _Transfer(entry, False, bytearray(), announced)
-        return b"\x60" + request[1:4] + bytes(4)
+        return bytes([DOWNLOAD_INITIATED]) + request[1:4] + bytes(4)
 
     def _take_segment(self, transfer: _Transfer, request: bytes) -> bytes:
+        """Add a segment to a download, and write the value with the last; return the answer."""
         self._check_toggle(transfer, request)
         transfer.data += request[1 : LENGTH - (request[0] >> 1 & 0x07)]
         if len(transfer.data) > LONGEST:
             raise Abort(AbortCode.TOO_LONG)
-        reply = bytes([0x20 | transfer.toggle << 4]) + bytes(SEGMENT)
+        reply = bytes([SEGMENT_DOWNLOADED | transfer.toggle << 4]) + bytes(SEGMENT)
         transfer.toggle ^= 1
-        if request[0] & 0x01:
+        if request[0] & LAST:
             self._transfer = None
             if transfer.announced not in (None, len(transfer.data)):
                 raise Abort(AbortCode.WRONG_LENGTH)
@@ -119,16 +133,19 @@ class SdoServer:
         return reply
 
     def _begin_upload(self, index: int, sub: int) -> bytes:
+        """Return a value of up to 4 bytes, or begin a segmented upload and return its size."""
         self._transfer = None
         entry = self._dictionary.find(index, sub)
         data = entry.pack()
         head = index.to_bytes(2, "little") + bytes([sub])
         if 0 < len(data) <= 4 and not self._segmented:
-            return bytes([0x43 | (4 - len(data)) << 2]) + head + data.ljust(4, b"\0")
+            first = UPLOAD_INITIATED | (4 - len(data)) << 2 | EXPEDITED | SIZED
+            return bytes([first]) + head + data.ljust(4, b"\0")
         self._transfer = _Transfer(entry, True, bytearray(data))
-        return b"\x41" + head + len(data).to_bytes(4, "little")
+        return bytes([UPLOAD_INITIATED | SIZED]) + head + len(data).to_bytes(4, "little")
 
     def _give_segment(self, transfer: _Transfer, request: bytes) -> bytes:
+        """Return the next segment of an upload."""
         self._check_toggle(transfer, request)
         data = transfer.data[transfer.sent : transfer.sent + SEGMENT]
         transfer.sent += len(data)
