@@ -100,7 +100,7 @@ class BudgetTerm:
     shares: tuple[Share, ...] = ()
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "name": self.name,
             "input_u": self.input_u,
@@ -125,7 +125,7 @@ class Budget:
     coefficient: Coefficient = Coefficient.ROLLING
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "coefficient": self.coefficient,
             "mu": self.mu,

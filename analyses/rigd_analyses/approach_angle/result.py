@@ -65,7 +65,7 @@ class MeasuredCoefficient:
         return self.value + self.expanded
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "coefficient": self.coefficient,
             "value": self.value,
@@ -95,7 +95,7 @@ class PaperMaximum:
     coefficient: Coefficient = Coefficient.ROLLING
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "coefficient": self.coefficient,
             "maximum": self.value,
@@ -130,7 +130,7 @@ class FrictionCurve:
     coefficient: Coefficient = Coefficient.ROLLING
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; the blocks are left out."""
+        """Return the fields of the JSON object; the blocks are left out."""
         return {
             "coefficient": self.coefficient,
             "form": self.form,
@@ -196,7 +196,7 @@ class SetResult:
         )  # fmt: skip
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; the name is the key of the whole."""
+        """Return the fields of the JSON object; the name is the key of the whole."""
         published = {"coefficient": Coefficient.ROLLING, "value": self.published}
         return {
             "angle_deg": self.angle_deg,
@@ -240,7 +240,7 @@ class LineFit:
     dof: int
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "slope_per_deg": self.slope_per_deg,
             "slope_u_k1_per_deg": self.slope_u,
@@ -280,7 +280,7 @@ class Trend:
     coefficient: Coefficient = Coefficient.ROLLING
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; the source is the key of the whole."""
+        """Return the fields of the JSON object; the source is the key of the whole."""
         return {
             "coefficient": self.coefficient,
             "sets": self.sets,
@@ -314,7 +314,7 @@ class SlipPoint:
     regimes: tuple[Regime, ...]  #: of the runs, each once
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "set": self.set_name,
             "wheel": self.wheel,
@@ -353,7 +353,7 @@ class CampaignResult:
         return plain_object(self)
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "model": "approach-angle",
             "coefficients": {item.value: meaning for item, meaning in _MEANING.items()},

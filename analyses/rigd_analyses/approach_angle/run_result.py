@@ -25,7 +25,7 @@ class RunResult:
         return any(flag.severity is Severity.EXCLUDED for flag in self.flags)
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; the signals stand in the recording."""
+        """Return the fields of the JSON object; the signals stand in the recording."""
         run = self.run
         return {
             "label": run.label,

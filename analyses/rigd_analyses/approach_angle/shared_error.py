@@ -31,7 +31,7 @@ class SharedError:
     effect: Mapping[str, float]
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "code": self.code,
             "sentence": self.sentence,

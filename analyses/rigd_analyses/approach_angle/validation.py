@@ -52,7 +52,7 @@ TITLE: Final = "Validation of friction over the approach angle"
 FRICTION, SPEED = "friction", "speed"
 COVERAGE: Final = 3.0  #: standard uncertainties of a limit
 #: A limit of the mean beyond this, relative, does not tell one floor or wheel from another.
-TELLING: Final = 0.25
+USEFUL_LIMIT: Final = 0.25
 STATEMENTS: Final = (
     "F_r/N of the gauges, in blocks of 20 ms in which the wheel slides, is compared with the curve "
     "of the model at the same sliding speed.",
@@ -205,6 +205,7 @@ def validated(
 
 
 def _unusable(run: RunResult, settings: BetterSettings) -> str:
+    """Return why a run is left out; "" if it is used."""
     for flag in run.flags:
         if flag.severity is Severity.EXCLUDED:
             return flag.reason
@@ -291,18 +292,24 @@ def _motion(
 
 
 def _verdict(trials: Sequence[ValidatedTrial], mean: float, u: float) -> tuple[ModelOutcome, str]:
+    """Return the outcome of a set, and a sentence on it.
+
+    ``mean`` is by how much F_r/N of the runs is larger than that of the model, ``u`` the standard
+    uncertainty of it; both are relative. The model is rejected if the mean exceeds its limit, or if
+    more runs fail than chance explains.
+    """
     failed = sum(not trial.passes for trial in trials)
     chance = float(binom.sf(failed - 1, len(trials), EXCLUDED_SHARE)) if failed else 1.0
     limit = COVERAGE * u
-    told = (
+    finding = (
         f"F_r/N is {mean:+.1%} from the model in the mean of {len(trials)} runs, at most "
         f"{limit:.1%} is explained; {failed} runs are beyond their own limits"
     )
     if abs(mean) > limit or chance < CHANCE:
-        return ModelOutcome.REJECTED, f"{told}: the friction is another one, or the rig is."
-    if limit > TELLING:
-        return ModelOutcome.UNTESTED, f"{told}: that does not tell one floor from another."
-    return ModelOutcome.CONFIRMED, f"{told}."
+        return ModelOutcome.REJECTED, f"{finding}: the friction is another one, or the rig is."
+    if limit > USEFUL_LIMIT:
+        return ModelOutcome.UNTESTED, f"{finding}: that does not tell one floor from another."
+    return ModelOutcome.CONFIRMED, f"{finding}."
 
 
 def _rms(values: FloatArray) -> float:

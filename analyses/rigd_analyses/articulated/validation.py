@@ -56,7 +56,7 @@ COLUMNS: Final = {
 SURE: Final = 3.7
 EXACT: Final = 1e-4  #: relative u of a contact whose uncertainty the file does not have
 #: A contact that must be further off than this, relative, to be seen is not tested.
-TELLING: Final = 0.25
+USEFUL_LIMIT: Final = 0.25
 CORRECTED: Final = 2  #: constants that may have to be otherwise
 UNMOVED: Final = 1e-3  #: share of a variance; less is learnt of what data do not depend on
 SLIDES: Final = "contacts slide, and the model has no mu_s and mu_d"
@@ -205,7 +205,7 @@ def _judged(
     )
     wrong = [_off(name, item) for name, item in sizes.items() if abs(item.deviate) > SURE]
     loud = [text for output in COLUMNS if (text := _loud(trials, output))]
-    told = {name: item.seen_from for name, item in sizes.items() if item.seen_from < TELLING}
+    told = {name: item.seen_from for name, item in sizes.items() if item.seen_from < USEFUL_LIMIT}
     findings = [*loud[1:], *wrong[1:]]
     if told:
         shown = ", ".join(f"{_called(name)} from {100 * at:.2g} % on" for name, at in told.items())
@@ -231,7 +231,7 @@ def _judged(
         )
     elif not told:
         outcome = ModelOutcome.UNTESTED
-        sentence = f"These trials would show no contact that is less than {TELLING:.0%} off."
+        sentence = f"These trials would show no contact that is less than {USEFUL_LIMIT:.0%} off."
     elif biases:
         outcome = ModelOutcome.CORRECTED
         sentence = " ".join(item.sentence for item in biases)

@@ -40,6 +40,9 @@ DUTY: Final = (0.3, 0.7)
 INTEGRATOR: Final = (75.0, 105.0)
 #: The lag at the swing, in degrees: at 135 the hysteresis is 0.7 of the amplitude of the swing.
 LAG: Final = (135.0, 200.0)
+#: Ultimate gain over kp, and integral time over the ultimate period (Tyreus and Luyben).
+GAIN_RATIO: Final = 3.2
+TIME_RATIO: Final = 2.2
 
 TITLE: Final = "Gains by a relay"
 
@@ -183,28 +186,34 @@ def unsteady(swings: Swings) -> str:
 
 
 def _result(
-    found: Sequence[tuple[Swings, float]], series: Sequence[Series], units: tuple[str, str]
+    trials: Sequence[tuple[Swings, float]], series: Sequence[Series], units: tuple[str, str]
 ) -> CalibrationResult:
+    """Return the gains from the swings of each of ``trials`` and its time per sample in s.
+
+    ``units`` are those of measured and output.
+    """
     measured, output = units
-    response = np.concatenate([swings.measured / swings.output for swings, _ in found])
-    period = np.concatenate([swings.counts * step for swings, step in found])
+    response = np.concatenate([swings.measured / swings.output for swings, _ in trials])
+    period_s = np.concatenate([swings.counts * step_s for swings, step_s in trials])
     middle = complex(np.mean(response))
     sign = -1.0 if middle.real > 0.0 else 1.0
-    ultimate = sign / abs(middle)
+    ultimate_gain = sign / abs(middle)
     # Shares: of the projection on the mean, so that a scatter of phase does not count.
     shares = np.real(response / middle)
-    tu = float(np.mean(period))
+    ultimate_period_s = float(np.mean(period_s))
     # The first and the last swing begin within a cycle each: a triangular distribution (GUM 4.3.9).
-    cycle = max(step for _, step in found) / math.sqrt(6.0) / len(period) / tu
-    u_gain, u_period = _scatter(shares), {**_scatter(period / tu), "length of a cycle": cycle}
-    kp = ultimate / 3.2
-    ki = kp / (2.2 * tu)
+    longest_s = max(step_s for _, step_s in trials)
+    cycle = longest_s / math.sqrt(6.0) / len(period_s) / ultimate_period_s
+    u_gain = _scatter(shares)
+    u_period = {**_scatter(period_s / ultimate_period_s), "length of a cycle": cycle}
+    kp = ultimate_gain / GAIN_RATIO
+    ki = kp / (TIME_RATIO * ultimate_period_s)
     gain_unit, rate_unit = quotient(output, measured), quotient(output, f"{measured} s")
-    swing = float(np.mean(np.concatenate([np.abs(swings.measured) for swings, _ in found])))
-    moved = float(np.mean(np.concatenate([np.abs(swings.output) for swings, _ in found])))
+    swing = float(np.mean(np.concatenate([np.abs(swings.measured) for swings, _ in trials])))
+    moved = float(np.mean(np.concatenate([np.abs(swings.output) for swings, _ in trials])))
     facts = (
-        f"{len(period)} swings of {1e3 * tu:.4g} ms: the output with an amplitude of "
-        f"{moved:.3g} {output}, the measured value with {swing:.3g} {measured}, "
+        f"{len(period_s)} swings of {1e3 * ultimate_period_s:.4g} ms: the output with an amplitude "
+        f"of {moved:.3g} {output}, the measured value with {swing:.3g} {measured}, "
         f"{_lag(middle):.0f} degrees later",
         f"write into the rig file, in place of relay and hysteresis: kp: {_two_digits(kp)} "
         f"{gain_unit}, ki: {_two_digits(ki)} {rate_unit}",
@@ -213,8 +222,10 @@ def _result(
     return CalibrationResult(
         TITLE,
         {
-            "ultimate_gain": Measured(ultimate, gain_unit, _budget(ultimate, u_gain)),
-            "ultimate_period": Measured(tu, "s", _budget(tu, u_period)),
+            "ultimate_gain": Measured(ultimate_gain, gain_unit, _budget(ultimate_gain, u_gain)),
+            "ultimate_period": Measured(
+                ultimate_period_s, "s", _budget(ultimate_period_s, u_period)
+            ),
             "kp": Measured(kp, gain_unit, _budget(kp, u_gain)),
             "ki": Measured(
                 ki, rate_unit, (*_budget(ki, u_gain), *_budget(ki, u_period, "period, "))
@@ -236,8 +247,11 @@ def _scatter(shares: FloatArray) -> dict[str, float]:
     }
 
 
-def _budget(value: float, shares: Mapping[str, float], of: str = "") -> tuple[Contribution, ...]:
-    return tuple(Contribution(f"{of}{name}", abs(value) * u) for name, u in shares.items())
+def _budget(
+    value: float, shares: Mapping[str, float], prefix: str = ""
+) -> tuple[Contribution, ...]:
+    """Return the terms of the standard uncertainty of ``value``, from their shares of it."""
+    return tuple(Contribution(f"{prefix}{name}", abs(value) * u) for name, u in shares.items())
 
 
 def _two_digits(value: float) -> str:

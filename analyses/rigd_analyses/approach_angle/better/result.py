@@ -103,7 +103,7 @@ class BetterRun:
     balance: BalanceRow | None = None
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; the curves stand in the recording."""
+        """Return the fields of the JSON object; the curves stand in the recording."""
         return {
             "coefficient": self.coefficient,
             "mu": self.mu,

@@ -66,7 +66,7 @@ class PaperRun:
     curves: PaperCurves | None = None
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object; the curves stand in the recording."""
+        """Return the fields of the JSON object; the curves stand in the recording."""
         return {
             "coefficient": self.coefficient,
             "mu": self.mu,

@@ -98,7 +98,7 @@ class Flag:
     severity: Severity = Severity.EXCLUDED
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "code": self.code,
             "reason": self.reason,
@@ -138,7 +138,7 @@ class RunOn:
         return self.overshoot_m / self.stop_speed_m_s if self.stop_speed_m_s > 0.0 else math.nan
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         unknown = math.isnan(self.stop_travel_m) or math.isnan(self.threshold_m)
         stopped_by = "travel" if self.by_travel else "other"
         return {

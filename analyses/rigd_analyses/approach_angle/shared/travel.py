@@ -1,15 +1,16 @@
-"""Finds what changes within each run alike, such as a rise of the load that is another one.
+"""Tests whether friction changes along the travel of the platform, in all runs by the same share.
 
-The friction of a set depends on the sliding speed; the runs of several voltages slide at other
-speeds where they have gone equally far. What changes along the travel x and not with the speed
-shows as g in
+Such a change is an error of the rig, for example a load that rises along the rails by more than the
+calibration says. Friction itself depends on the sliding speed v. Runs of different voltages slide
+at different speeds after the same travel x, so the two can be told apart: a change with the travel
+is g in
 
     ln(F_r/N) = a + b log10(v) + c log10(v)^2 + g x
 
-with a of each run, b and c of each set, and g, relative and per metre, of all runs. A rise of N
-that is larger by d than the known one gives g = d. The covariance is the sandwich with one score
-per run, as that of the curve (:mod:`..curve`). The first 0.16 s, in which the load swings and the
-breakaway fades, are left out.
+with a of each run, b and c of each set, and g (relative, per metre) of all runs. If the load N
+rises by d (relative, per metre) more than is known, g is d. The covariance is the sandwich
+estimator with one score per run, as that of the curve (:mod:`..curve`). The first 0.16 s, in which
+the load swings and the breakaway fades, are left out.
 """
 
 from __future__ import annotations
@@ -64,6 +65,7 @@ def travel_errors(known: Sequence[KnownRun], results: Sequence[RunResult]) -> li
 
 
 def _slide(result: RunResult) -> _Slide | None:
+    """Return the blocks of a run in which the wheel slides; None if there are fewer than two."""
     blocks = result.better.blocks
     used = blocks.sliding & (blocks.mu > 0.0) & (blocks.t_s >= START_S)
     if result.excluded or np.count_nonzero(used) < 2:

@@ -66,7 +66,7 @@ class LateralResult(IdentificationResult):
     guide: GuideFriction
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             **super().shape(),
             "coupling": self.coupling,

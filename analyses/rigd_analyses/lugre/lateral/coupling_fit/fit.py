@@ -1,10 +1,11 @@
-"""Fits the coupled rig across the kinks of its loads.
+"""Fits the rig and the coupling of its lateral motion to guide and bearings, as one model.
 
-Where |M_D| meets |G| h, or a row of rollers lifts, the cost has kinks: a Newton step points across
-them, and a fit may stop there. The outputs depend on the coupling through the friction of the guide
-in each trial, and on that smoothly. So the outputs are linearised in these frictions, and the
-coupling is fitted to them with all of its kinks (composite optimisation: Fletcher, Practical
-Methods of Optimization, 2nd ed. 1987, ch. 14). This is repeated until nothing is gained.
+Where |M_D| meets |G| h, or a row of rollers lifts, the slope of the loads jumps, and that of the
+cost with it (a kink): a Newton step points across the kink, and a fit may stop there. The outputs
+depend on the coupling through the friction of the guide in each trial, and on that smoothly. So the
+outputs are linearised in these frictions, and the coupling is fitted to them with all of its kinks
+(composite optimisation: Fletcher, Practical Methods of Optimization, 2nd ed. 1987, ch. 14). This is
+repeated until nothing is gained.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ class Cell:
     published: Published | None
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "label": self.label,
             "current_A": self.current_a,
@@ -78,7 +78,7 @@ class Together:
         return self.ignored_m_s / self.included_m_s if self.included_m_s > 0.0 else np.inf
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "trials": self.trials,
             "rms_ignored_m_s": self.ignored_m_s,

@@ -36,7 +36,7 @@ class Published:
         return self.ignored_m_s / self.included_m_s
 
     def shape(self) -> dict[str, object]:
-        """Return the keys of the JSON object."""
+        """Return the fields of the JSON object."""
         return {
             "rms_ignored_m_s": self.ignored_m_s,
             "rms_included_m_s": self.included_m_s,
