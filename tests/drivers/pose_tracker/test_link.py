@@ -22,6 +22,8 @@ MS = 1_000_000
 #: Time of the cycle, and of the camera, at frame 0.
 START_NS, CAMERA_S = 1_700_000_000_000_000_000, 50.0
 PERIOD_MS = 40
+#: CLOCK_MONOTONIC then: cycles have another zero.
+BOOTED_NS = 5_000_000_000_000
 #: Frames that are over when the first rows come.
 SETTLED = 20
 #: A crowded machine reads what came within this, in s.
@@ -37,7 +39,15 @@ class Bench:
         self.port = free_port()
         self._sockets = {host: self._sender(host) for host in ("127.0.0.1", STRANGER)}
         config = PoseTrackerConfig.model_validate({"port": self.port} | options)
-        self.link = PoseTracker(config, lambda: at(1, 10))
+        self._now_ns = at(1, 10) - START_NS + BOOTED_NS
+        self.link = PoseTracker(config, lambda: self._now_ns)
+        begin = self.link.begin
+
+        def begun(t_ns: int) -> None:
+            self._now_ns = t_ns - START_NS + BOOTED_NS
+            begin(t_ns)
+
+        vars(self.link)["begin"] = begun
         self.link.open()
         for frame in (0, 1):
             self.send(self.frame(frame))
@@ -146,7 +156,7 @@ def test_delay_seen_at_opening_holds_in_cycles() -> None:
 def test_tracker_begun_anew_before_cycles_has_new_zero() -> None:
     with opened() as bench:
         before = bench.link.good
-        bench.send(bench.frame(0, time=7.0))
+        bench.send(bench.frame(0, time=6.99))  # 10 ms before it comes
         assert bench.link.listen(lambda: bench.link.good > before, 5.0)
         for number in range(2, SETTLED):
             bench.come(number, 10, time=7.0 + number * PERIOD_MS * 1e-3)

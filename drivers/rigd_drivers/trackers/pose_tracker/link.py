@@ -57,7 +57,7 @@ class PoseTracker(Link):
         self, config: PoseTrackerConfig, now_ns: Callable[[], int] = time.monotonic_ns
     ) -> None:
         super().__init__(config)
-        self._now_ns = now_ns  # the clock of the cycles
+        self._now_ns = now_ns
         self._port = DatagramPort(config.host, config.port, config.sender)
         self._latency_ns = round(config.latency * 1e9)
         self._bodies: dict[str, Inbox] = {}
@@ -73,6 +73,7 @@ class PoseTracker(Link):
         self._last = ""  # the last of them, in detail
         self._time = TimeBase()
         self._heard_ns = 0  # by the camera's clock
+        self._ahead_ns: int | None = None  # the clock of the cycles before ours
         self._begun_ns: int | None = None
         self._frame: tuple[int, int] | None = None  # the newest, and the time recorded for it
         self._first: Frame | None = None
@@ -130,12 +131,15 @@ class PoseTracker(Link):
         self._reader.pause()
         if self._begun_ns is None:
             self._begun_ns = t_ns
+        ahead_ns = t_ns - self._now_ns()  # less what this cycle is late
+        self._ahead_ns = ahead_ns if self._ahead_ns is None else max(ahead_ns, self._ahead_ns)
         self._receive(lambda frame: self._deliver(frame, t_ns))
         if self._port.crowded and t_ns - self._begun_ns >= SETTLING_NS:
             self._count("times too many in a cycle", "")
 
     def idle(self) -> None:
         """Throw away what comes while no cycle turns; see :class:`Link`."""
+        self._ahead_ns = None
         self._reader.resume()
 
     def close(self) -> None:
@@ -199,7 +203,8 @@ class PoseTracker(Link):
 
     def _deliver(self, frame: Frame, t_ns: int) -> None:
         """Hand out the poses of ``frame``, which the cycle at ``t_ns`` has received."""
-        taken_ns = self._time.hear(t_ns, frame.camera_ns) - self._latency_ns
+        ahead_ns = self._ahead_ns or 0
+        taken_ns = self._time.hear(t_ns - ahead_ns, frame.camera_ns) + ahead_ns - self._latency_ns
         if self._begun_ns is None or t_ns - self._begun_ns < SETTLING_NS:
             return
         if self._frame is not None and self._frame[0] == frame.number:
