@@ -36,100 +36,88 @@ _COMPARISONS: Final = frozenset(("<", ">", "<=", ">=", "==", "!=", "contains"))
 
 
 @dataclass(frozen=True, slots=True)
-class Literal:
-    """A quantity, its unit and how it is written; all parts have where they begin and end."""
+class SyntaxPart:
+    """A part of an expression, and where it begins and ends in its text."""
 
     start: int
     end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Literal(SyntaxPart):
+    """A quantity, its unit and how it is written."""
+
     number: Number
     unit: Unit | None
     text: str
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class Reference(SyntaxPart):
     """``${name}``, whose value is looked up."""
 
-    start: int
-    end: int
     name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Name:
+class Name(SyntaxPart):
     """A name written bare: ``device.channel``, a field, or a word."""
 
-    start: int
-    end: int
     name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class Text(SyntaxPart):
     """A text in quotes; ``is_date``: a date without them."""
 
-    start: int
-    end: int
     text: str
     is_date: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Items:
+class Items(SyntaxPart):
     """A list in square brackets."""
 
-    start: int
-    end: int
     items: tuple[Node, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class FunctionCall:
+class FunctionCall(SyntaxPart):
     """A function and what it takes; ``|x|`` is ``abs(x)``."""
 
-    start: int
-    end: int
     name: str
     items: tuple[Node, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(SyntaxPart):
     """Operands of ``+ - * / **``, ``not``, ``and`` or ``or``; ``-`` has one or two."""
 
-    start: int
-    end: int
     sign: str
     operands: tuple[Node, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class ComparisonChain:
+class ComparisonChain(SyntaxPart):
     """Operands with a sign between each two; behind ``in`` all others are what it may be."""
 
-    start: int
-    end: int
     signs: tuple[str, ...]
     operands: tuple[Node, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class State(SyntaxPart):
     """``x is word``, or ``x is not word``."""
 
-    start: int
-    end: int
     subject: Node
     word: Name
     is_so: bool
 
 
 @dataclass(frozen=True, slots=True)
-class HeldCondition:
+class HeldCondition(SyntaxPart):
     """A condition that holds for a time."""
 
-    start: int
-    end: int
     condition: Node
     time: Node
 

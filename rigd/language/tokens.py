@@ -14,12 +14,15 @@ from rigd.language.number import ExpressionError
 from rigd.model.units import Unit, odd_character, parse_unit
 
 #: Words that are no names.
-KEYWORDS: Final = frozenset(("and", "or", "not", "in", "is", "contains", "for", "if", "else"))
+KEYWORDS: Final = frozenset(
+    ("and", "or", "not", "in", "is", "contains", "for", "if", "else", "AND", "OR")
+)
 #: A reference to a name.
 NAME: Final = re.compile(r"\$\{\s*([a-z][a-z0-9_]*(?:\.[a-z][a-z0-9_]*)?)\s*\}")
 #: Signs of other languages, and what is written here.
 INSTEAD: Final = {
     "=": "==", "~": "contains", "&": "and", "&&": "and", "||": "or", "!": "not", "^": "**",
+    "AND": "and", "OR": "or",
 }  # fmt: skip
 
 Kind = Literal["number", "reference", "name", "text", "date", "sign", "end"]

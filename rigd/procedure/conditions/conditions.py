@@ -6,8 +6,7 @@ Example: ``|belt.speed| < 3 mm/s for 0.2 s and scale is stable``.
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from rigd.config.document import KeyPath
@@ -15,6 +14,17 @@ from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
 from rigd.language.number import ExpressionError, Number
+from rigd.language.syntax import (
+    ComparisonChain,
+    FunctionCall,
+    HeldCondition,
+    Name,
+    Node,
+    Operation,
+    State,
+    children,
+    parse,
+)
 from rigd.model.channels import Channel
 from rigd.model.severity import Severity
 from rigd.model.units import format_quantity
@@ -23,28 +33,8 @@ from rigd.procedure.expression import Scope, parse_expression
 from rigd.procedure.program import Comparison, Condition, StatusCondition, TrialLimit, Until
 from rigd.procedure.reader import Reader
 
-_CLAUSE = re.compile(
-    r"\s*(?P<open>\|)?\s*(?P<channel>[A-Za-z_]\w*(?:\.\w+)?)\s*(?P<close>\|)?\s*"
-    r"(?P<sign>[<>])\s*(?P<threshold>[^<>=\s].*?)(?:\sfor\s(?P<time>.+))?$",
-    re.DOTALL,
-)
-_STATUS = re.compile(
-    r"\s*(?P<device>[A-Za-z_]\w*)\s+is\s+(?P<negated>not\s+)?(?P<word>[A-Za-z_]\w*)"
-    r"(?:\s+for\s(?P<time>.+))?\s*$",
-    re.DOTALL,
-)
-#: Operators of other languages, and the replacement, by first character.
-_FOREIGN = re.compile(r"\s(?:OR|AND|not)\s|\|\||&&?|[<>=!]=|=")
-_ANY = "join with 'or', or give a list: ['a.x > 1 m', 'b.y < 2 m']; 'and' binds more tightly"
-_COMPARE = "compare with '>' or '<'; a measured value never equals a number"
-_INSTEAD = {
-    **dict.fromkeys("O|", _ANY),
-    **dict.fromkeys("A&", "join with 'and'"),
-    **dict.fromkeys("<>=!", _COMPARE),
-    "n": "write the opposite comparison, or 'DEVICE is not WORD'",
-}
-_JOIN = re.compile(r"\sand\s")
-_EITHER = re.compile(r"\sor\s")
+#: Most characters of a condition.
+_MAX_LENGTH = 1000
 
 
 @dataclass(frozen=True)
@@ -68,24 +58,48 @@ def read_comparisons(
     reader: Reader, path: KeyPath, texts: Sequence[str], scope: Scope, finder: ChannelFinder
 ) -> tuple[tuple[Condition, ...], ...]:
     """Return conditions that compare channels: rows of which any must hold; problems are noted."""
-    is_list = isinstance(reader.document.get(path), list)
     rows = []
+    for where, text, clauses in _rows(reader, path, texts):
+        row = []
+        for clause in clauses:
+            if isinstance(_held(clause)[0], State):
+                place = reader.document.inside(where, clause.start)
+                shown = text[clause.start : clause.end]
+                reader.problems.add(place, f"{shown!r} compares no channel",
+                                    "such as 'carriage.position > 1 mm'")  # fmt: skip
+            elif condition := read_comparison(reader, where, text, clause, scope, finder):
+                row.append(condition)
+        rows.append(tuple(row))
+    return tuple(rows)
+
+
+def _rows(
+    reader: Reader, path: KeyPath, texts: Sequence[str]
+) -> Iterator[tuple[KeyPath, str, Sequence[Node]]]:
+    """Yield the place and the text of each alternative, and the conditions that it joins."""
+    is_list = isinstance(reader.document.get(path), list)
     for index, text in enumerate(texts):
         where = (*path, index) if is_list else path
-        start = 0
-        for alternative in _EITHER.split(text):
-            row = []
-            for clause in _JOIN.split(alternative):
-                if _STATUS.match(clause) is not None:
-                    place = reader.document.inside(where, start)
-                    reader.problems.add(place, f"{clause.strip()!r} compares no channel",
-                                        "such as 'carriage.position > 1 mm'")  # fmt: skip
-                elif condition := read_comparison(reader, where, clause, start, scope, finder):
-                    row.append(condition)
-                start += len(clause) + len(" and ")
-            start += len(" or ") - len(" and ")
-            rows.append(tuple(row))
-    return tuple(rows)
+        try:
+            tree = parse(text, _MAX_LENGTH)
+        except ExpressionError as error:
+            place = reader.document.inside(where, error.offset)
+            reader.problems.add(place, str(error), error.hint)
+            continue
+        for alternative in _joined(tree, "or"):
+            yield where, text, _joined(alternative, "and")
+
+
+def _joined(node: Node, word: str) -> Sequence[Node]:
+    is_joined = isinstance(node, Operation) and node.sign == word
+    return children(node) if is_joined else (node,)
+
+
+def _held(clause: Node) -> tuple[Node, Node | None]:
+    """Return the condition of a clause, and how long it holds."""
+    if isinstance(clause, HeldCondition):
+        return clause.condition, clause.time
+    return clause, None
 
 
 def read_until(
@@ -100,64 +114,66 @@ def read_until(
 
     ``limits`` are those of the trial that contains the step.
     """
-    is_list = isinstance(reader.document.get(path), list)
     finder = ChannelFinder(rig.name, rig.channel, lambda: channel_names(rig))
     rows = []
-    for index, text in enumerate(texts):
-        where = (*path, index) if is_list else path
-        start = 0
-        for alternative in _EITHER.split(text):
-            row: list[Condition | StatusCondition] = []
-            for clause in _JOIN.split(alternative):
-                status = _STATUS.match(clause)
-                if status is not None:
-                    word = _read_status(reader, where, status, start, scope, rig)
-                    row += [] if word is None else [word]
-                elif condition := read_comparison(reader, where, clause, start, scope, finder):
-                    row.append(condition)
-                    check_reachable(reader, where, start, condition, rig, limits)
-                start += len(clause) + len(" and ")
-            start += len(" or ") - len(" and ")
-            rows.append(tuple(row))
+    for where, text, clauses in _rows(reader, path, texts):
+        row: list[Condition | StatusCondition] = []
+        for clause in clauses:
+            match _held(clause):
+                case State(subject=Name() as device, word=word, is_so=is_so), time:
+                    mask = _read_status(reader, where, device, word, rig)
+                    for_s = _read_time(reader, where, text, clause.start, time, scope)
+                    if mask is not None:
+                        row.append(StatusCondition(device.name, word.name, mask, is_so, for_s))
+                case _:
+                    condition = read_comparison(reader, where, text, clause, scope, finder)
+                    if condition is not None:
+                        row.append(condition)
+                        check_reachable(reader, where, clause.start, condition, rig, limits)
+        rows.append(tuple(row))
     return tuple(rows)
 
 
 def read_comparison(
-    reader: Reader, path: KeyPath, text: str, start: int, scope: Scope, finder: ChannelFinder
+    reader: Reader, path: KeyPath, text: str, clause: Node, scope: Scope, finder: ChannelFinder
 ) -> Condition | None:
-    """Return the comparison ``text``, which begins at ``start``; None with the problem noted."""
-    match = _CLAUSE.match(text)
-    place = reader.document.inside(path, start)
-    foreign = _FOREIGN.search(text)
-    if foreign is not None:
-        word = foreign[0].strip()
-        place = reader.document.inside(path, start + foreign.start() + foreign[0].index(word))
-        reader.problems.add(place, f"a condition cannot contain {word!r}", _INSTEAD[word[0]])
-        return None
-    if match is None or bool(match["open"]) != bool(match["close"]):
-        hint = "such as 'carriage.position > 1.15 m' or '|belt.speed| < 3 mm/s for 0.2 s'"
-        reader.problems.add(place, f"cannot read the condition {text.strip()!r}", hint)
-        return None
-    name = match["channel"]
-    channel = finder.channel(reader, path, name, start + match.start("channel"))
+    """Return the comparison ``clause``, a part of ``text``; None with the problem noted."""
+    place = reader.document.inside(path, clause.start)
+    condition, time = _held(clause)
+    match condition:
+        case ComparisonChain(signs=("<" | ">" as sign,), operands=(Name() as name, bound)):
+            is_magnitude = False
+        case ComparisonChain(
+            signs=("<" | ">" as sign,),
+            operands=(FunctionCall(name="abs", items=(Name() as name,)), bound),
+        ):
+            is_magnitude = True
+        case ComparisonChain(signs=(sign,), operands=(_, bound)) if sign not in "<>":
+            place = reader.document.inside(path, bound.start)
+            hint = "compare with '>' or '<'; a measured value never equals a number"
+            reader.problems.add(place, f"a condition cannot contain {sign!r}", hint)
+            return None
+        case _:
+            shown = text[clause.start : clause.end]
+            hint = "such as 'carriage.position > 1.15 m' or '|belt.speed| < 3 mm/s for 0.2 s'"
+            reader.problems.add(place, f"cannot read the condition {shown!r}", hint)
+            return None
+    channel = finder.channel(reader, path, name.name, name.start)
     if channel is None:
         return None
-    threshold = reader.number(
-        path, match["threshold"], channel.shown_in, scope, start + match.start("threshold")
-    )
-    if match["open"] and _has_own_zero(match["threshold"], scope):
-        place = reader.document.inside(path, start)
-        bound = match["threshold"].strip()
-        message = f"a magnitude cannot be compared with {bound}: it has a zero of its own"
+    written = text[bound.start : bound.end]
+    threshold = reader.number(path, written, channel.shown_in, scope, bound.start)
+    if is_magnitude and _has_own_zero(written, scope):
+        message = f"a magnitude cannot be compared with {written}: it has a zero of its own"
         hint = f"remove the bars, or compare with a value in {channel.unit}"
         reader.problems.add(place, message, hint)
     return Condition(
-        channel=name,
-        comparison=Comparison(match["sign"]),
+        channel=name.name,
+        comparison=Comparison(sign),
         threshold=threshold,
-        magnitude=match["open"] is not None,
-        for_s=_read_time(reader, path, match, start, scope),
-        unit=channel.unit if match["open"] else channel.shown_in,
+        magnitude=is_magnitude,
+        for_s=_read_time(reader, path, text, clause.start, time, scope),
+        unit=channel.unit if is_magnitude else channel.shown_in,
     )
 
 
@@ -170,38 +186,36 @@ def _has_own_zero(text: str, scope: Scope) -> bool:
 
 
 def _read_status(
-    reader: Reader, path: KeyPath, match: re.Match[str], start: int, scope: Scope, rig: RigConfig
-) -> StatusCondition | None:
-    name, word = match["device"], match["word"]
-    device = rig.devices.get(name)
+    reader: Reader, path: KeyPath, name: Name, word: Name, rig: RigConfig
+) -> int | None:
+    """Return the status bit ``word`` of a device, or None with the problem noted."""
+    device = rig.devices.get(name.name)
     if device is None:
-        place = reader.document.inside(path, start + match.start("device"))
-        reader.problems.add_lacking(place, rig.name, "device", name, rig.devices)
+        place = reader.document.inside(path, name.start)
+        reader.problems.add_lacking(place, rig.name, "device", name.name, rig.devices)
         return None
-    mask = device.declaration.status_bits.get(word)
+    words = device.declaration.status_bits
+    mask = words.get(word.name)
     if mask is None:
-        place = reader.document.inside(path, start + match.start("word"))
-        words = device.declaration.status_bits
         reader.problems.add(
-            place,
-            f"{name} ({device.driver}) does not report whether it is {word}",
-            suggest(word, words) if words else "none of its status bits has a name",
+            reader.document.inside(path, word.start),
+            f"{name.name} ({device.driver}) does not report whether it is {word.name}",
+            suggest(word.name, words) if words else "none of its status bits has a name",
         )
-        return None
-    for_s = _read_time(reader, path, match, start, scope)
-    return StatusCondition(name, word, mask, match["negated"] is None, for_s)
+    return mask
 
 
 def _read_time(
-    reader: Reader, path: KeyPath, match: re.Match[str], start: int, scope: Scope
+    reader: Reader, path: KeyPath, text: str, start: int, time: Node | None, scope: Scope
 ) -> float:
     """Return the time after ``for``, 0 without ``for``."""
-    if match["time"] is None:
+    if time is None:
         return 0.0
-    for_s = reader.number(path, match["time"], "s", scope, start + match.start("time"))
+    written = text[time.start : time.end]
+    for_s = reader.number(path, written, "s", scope, time.start)
     if for_s < 0:
         place = reader.document.inside(path, start)
-        reader.problems.add(place, f"the time {match['time'].strip()} is negative")
+        reader.problems.add(place, f"the time {written} is negative")
     return for_s
 
 
