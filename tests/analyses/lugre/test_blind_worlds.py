@@ -81,12 +81,13 @@ def test_wrong_torque_constant_is_rightly_named(tmp_path: Path) -> None:
     [
         ("friction waves along", 0, 1, "friction that repeats each", "rightly named"),
         ("no_load_viscous low", 1, 1, "viscous no-load torque", "refused, rightly named"),
+        ("motor fades", 1, 7683, "a drive that fades as it heats", "rightly named"),
     ],
 )
 def test_named_cause_explains_best_once_fitted(
     kind: str, size: int, seed: int, name: str, words: str, tmp_path: Path
 ) -> None:
-    """By the score tests friction, or the current, depended on the speed."""
+    """By the score tests friction, or the current, depended on speed or slip."""
     found = run(kind, size, seed, tmp_path, LUGRE)
     assert found["explanations"][0]["name"].startswith(name)
     assert verdict(found, KINDS) == words

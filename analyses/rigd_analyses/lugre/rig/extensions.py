@@ -248,6 +248,12 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         lambda m: -m.current * driven(m),
     )
     yield current(
+        "a drive that fades as it heats",
+        "1/(A^2 s)",
+        "the motor's temperature",
+        lambda m: -m.current * period * np.cumsum(m.current**2),
+    )
+    yield current(
         "a drive or monitor that saturates",
         "1/A",
         "the ranges of amplifier and converter",
