@@ -44,6 +44,7 @@ class _Maker:
         }
 
     def of(self, condition: Node) -> Statement:
+        """Return the statement for a condition, with those of its parts."""
         match condition:
             case Operation(sign="not", operands=(inner,)):
                 sql, values = self.of(inner)
@@ -62,6 +63,7 @@ class _Maker:
         raise TypeError(f"{condition} is no condition")
 
     def _comparison(self, field: Name, sign: str, values: list[Operand]) -> Statement:
+        """Return the statement for recordings whose field compares by ``sign`` with a value."""
         field_number = self.number(field)
         if sign != "!=":
             return self._any(field_number, field, "==" if sign == "in" else sign, values)
@@ -158,6 +160,7 @@ class _Maker:
         raise self._unknown(field, asked.start)
 
     def _unknown(self, field: str, offset: int) -> ConfigError:
+        """Return the error for a field that no recording has, with a name close to it."""
         from rigd.config.problems import suggest
 
         short = {name.partition(".")[2]: name for name in self._names if "." in name}

@@ -79,6 +79,7 @@ class _Fitting:
         return tuple(self._steps(steps))
 
     def derived(self, groups: Mapping[str, DeviceConfig]) -> None:
+        """Note the channels of the derived ``groups`` that ``rig`` lacks."""
         for group in groups.values():
             graph = getattr(group.config, "graph", None)
             for used in () if graph is None else graph.uses.values():
@@ -86,6 +87,7 @@ class _Fitting:
                     self._need(name)
 
     def _steps(self, steps: tuple[Step, ...]) -> Iterator[Step]:
+        """Yield the steps for ``rig``; count and leave out faults."""
         for step in steps:
             if isinstance(step, Fault):
                 self.faults += 1
@@ -108,6 +110,7 @@ class _Fitting:
         return fitted
 
     def _prompt(self, prompt: Prompt) -> Prompt:
+        """Return the prompt for ``rig``; note an answer that its plant cannot follow."""
         agrees = prompt.agrees
         if agrees is not None:
             self._need(agrees.channel)

@@ -105,6 +105,7 @@ def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
 
 
 def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
+    """Return the result on the plant of ``rig``, of its sibling, or without any."""
     if rig.plant is not None:
         return _dry_run_with_plant(procedure, procedure.on(rig), seed)
     sibling = read_sibling(rig)

@@ -261,6 +261,7 @@ def _share(name: str, known: Known, slope: float) -> Share:
 def _torque_terms(
     at: Conditions, calibration: AngleCalibration, sizes: Sizes, rig: AngleRig
 ) -> Sequence[BudgetTerm]:
+    """Return what the measured torque adds to the uncertainty of mu: scale, zero, noise."""
     per_nm = 1.0 / _moment(at, rig)
     scale = calibration.torque
     noise = sizes.noise_nm / np.sqrt(max(at.samples, 1))
@@ -287,6 +288,7 @@ def _torque_terms(
 
 
 def _drag_terms(at: Conditions, rig: AngleRig, sizes: Sizes) -> Sequence[BudgetTerm]:
+    """Return what inertia, bearing, rolling resistance and radius of the wheel add."""
     per_nm = 1.0 / _moment(at, rig)
     rho = rig.effective_radius
     w, n = abs(at.wheel_speed_rad_s), at.normal_force_n
@@ -321,6 +323,7 @@ def _drag_terms(at: Conditions, rig: AngleRig, sizes: Sizes) -> Sequence[BudgetT
 def _load_terms(
     at: Conditions, calibration: AngleCalibration, rig: AngleRig, sizes: Sizes
 ) -> Sequence[BudgetTerm]:
+    """Return what the normal force adds to the uncertainty of mu."""
     by_load = rig.bearing_load.value + rig.rolling_resistance.value * rig.wheel_radius_m
     to_load = (1.0 + by_load * at.normal_force_n / _moment(at, rig)) / at.normal_force_n
     scale = calibration.load.u / calibration.load.value

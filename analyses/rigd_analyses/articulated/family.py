@@ -119,6 +119,7 @@ def _by_lengths(found: OutputErrorFit, off: float) -> FloatArray:
 
 
 def _with_lengths(gate: Gate, off: float) -> Gate:
+    """Return the gate with the finding that lengths are ``off`` by a share; fits are corrected."""
     text = (
         f"the camera shows all ways {100 * off:+.1f} % off what the lengths of the rig file give: "
         "its unit of length, or all of these lengths. The intervals hold for both."

@@ -294,6 +294,7 @@ def _called(name: str) -> str:
 
 
 def _off(name: str, item: _Moved) -> str:
+    """Return a sentence: by how much a parameter is off the value of the model."""
     change = item.value / item.stated - 1.0
     sd = math.hypot(item.stated_u, item.sd)
     return (
@@ -304,6 +305,7 @@ def _off(name: str, item: _Moved) -> str:
 
 
 def _bias(system: RobotSystem, name: str, item: _Moved) -> Bias:
+    """Return the value of a parameter that would explain the motion, beside the stated one."""
     unit = UNITS[name]
     u = item.value * item.sd
     shown = number(item.value, places_for(u))

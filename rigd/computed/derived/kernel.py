@@ -90,9 +90,9 @@ def evaluate(
 
     ``inputs`` are the values of the n channels used, ``stamps`` their times in ns, all since the
     start of the run, so that seconds keep their digits. ``rows`` has
-    shape (m, 8): place, operation, a, b, c, parameter, state, size; without those of constants,
-    whose values and times stand in their places already. ``stepped`` has the time at which
-    each block took its last step.
+    shape (m, 8): place, operation, a, b, c, p, s, size; p and s are where the block begins in
+    ``parameters`` and ``state``. It is without the rows of constants, whose values and times stand
+    in their places already. ``stepped`` has the time at which each block took its last step.
     """
     for at in range(rows.shape[0]):
         row, op, a, b, c = rows[at, 0], rows[at, 1], rows[at, 2], rows[at, 3], rows[at, 4]
@@ -287,8 +287,9 @@ def _block(
 
 @inlined
 def _total(op: int, x: float, passed_s: float, state: Floats, s: int) -> float:
-    """Take a step of an integral (by trapezoids), or of a count from false to true.
+    """Take a step of an integral (by trapezoids), or of a count of changes from false to true.
 
+    From index ``s`` on ``state`` has the total, the last value, and 1 if a NaN came once begun.
     What passes during a NaN is not known, and with it the total: it is NaN until it is reset.
     """
     total, last, lost = state[s], state[s + 1], state[s + 2] == 1.0

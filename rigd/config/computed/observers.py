@@ -288,6 +288,7 @@ class _Linear:
         ]
 
     def _entry(self, path: KeyPath, text: str, wanted: Dimension) -> float:
+        """Return the number at ``path`` in SI; NaN, with a note, if it is not of ``wanted``."""
         try:
             found = parse_quantity(text)
             if path[0] != "x0":  # a state; all others are factors and variances

@@ -125,7 +125,7 @@ class Run:
             if self.state is RunState.BLOCKED:
                 way = BLOCKED
             elif next_state(self.state, RunEvent.FAULT) is not None:
-                self._to(RunEvent.FAULT)
+                self._apply(RunEvent.FAULT)
             raise
         except BaseException as error:
             reason = f"{type(error).__name__}: {error}"
@@ -162,7 +162,7 @@ class Run:
 
     def _live(self) -> tuple[WayOut, str]:
         """Return how the run ended, and why; its state is then final."""
-        self._to(RunEvent.CHECK)
+        self._apply(RunEvent.CHECK)
         outcome = self._begin()
         if outcome is not None:  # nothing has moved, so `finish` is not needed
             way, reason = outcome.way_out, outcome.reason
@@ -194,7 +194,7 @@ class Run:
             )
         except Blocked as error:
             if self.control.asked is None:
-                self._to(RunEvent.BLOCK)
+                self._apply(RunEvent.BLOCK)
                 raise
             own = [item for item in error.reasons if item.startswith(self.control.reason)]
             reason = own[0] if own else f"{self.control.reason} ({error.message})"
@@ -206,15 +206,15 @@ class Run:
         refused = self.host.arm()
         if refused is None:
             self._armed = True
-            self._to(RunEvent.ARM)
-            self._to(RunEvent.START)
+            self._apply(RunEvent.ARM)
+            self._apply(RunEvent.START)
         return refused
 
     def _finish(self, way: WayOut, reason: str) -> tuple[WayOut, str]:
         """Play `finish`; return the ending of a run that would end in ``way`` for ``reason``."""
         ends = way.exit_code is not Exit.OK
         for event in (RunEvent.STOP, RunEvent.STOPPED) if ends else (RunEvent.COMPLETE,):
-            self._to(event)
+            self._apply(event)
         outcome = self._play_block(self.procedure.finish, "finish")
         if outcome.severity is Severity.DONE:
             at_rest = self.host.come_to_rest()  # at the rates of the rig file, then safe
@@ -228,15 +228,15 @@ class Run:
     def _reach(self, way: WayOut) -> None:
         """Go to the final state of ``way``."""
         if way.state is RunState.FAULTED:
-            self._to(RunEvent.FAULT)
+            self._apply(RunEvent.FAULT)
         elif way.state is RunState.ESTOPPED:
-            self._to(RunEvent.ESTOP)
+            self._apply(RunEvent.ESTOP)
         elif not way.finishes:
-            self._to(RunEvent.ABORT)
-            self._to(RunEvent.SAFE)
+            self._apply(RunEvent.ABORT)
+            self._apply(RunEvent.SAFE)
         else:
             finishing = self.state is RunState.FINISHING
-            self._to(RunEvent.FINISHED if finishing else RunEvent.STOP)
+            self._apply(RunEvent.FINISHED if finishing else RunEvent.STOP)
 
     def _judge(self, reason: str) -> tuple[WayOut, str]:
         """Return the ending of a run that reached its end, perhaps with missed cycles."""
@@ -276,9 +276,9 @@ class Run:
         """Show progress between two cycles, and that a pause was requested."""
         self._follow_hold()
         if self.control.pause_wanted and self.state is RunState.RUNNING:
-            self._to(RunEvent.PAUSE)
+            self._apply(RunEvent.PAUSE)
         elif not self.control.pause_wanted and self.state is RunState.PAUSING:
-            self._to(RunEvent.RESUME)
+            self._apply(RunEvent.RESUME)
         else:
             self.watch(self.progress)
 
@@ -286,9 +286,9 @@ class Run:
         """Change to the state of a held step, or back."""
         if self.host.held:
             if self.state in (RunState.RUNNING, RunState.PAUSING):
-                self._to(RunEvent.HOLD)
+                self._apply(RunEvent.HOLD)
         elif self.state is RunState.HELD:
-            self._to(RunEvent.RESUME)
+            self._apply(RunEvent.RESUME)
 
     def _between_trials(self) -> Outcome | None:
         """Wait here during a pause; return why no trial follows, or None."""
@@ -305,11 +305,11 @@ class Run:
         if not self.control.pauses:
             return None
         if self.state is RunState.RUNNING:
-            self._to(RunEvent.PAUSE)
-        self._to(RunEvent.TRIAL_ENDED)
+            self._apply(RunEvent.PAUSE)
+        self._apply(RunEvent.TRIAL_ENDED)
         outcome = self.host.rest_while(self._still_paused)
         if outcome is None:
-            self._to(RunEvent.RESUME)
+            self._apply(RunEvent.RESUME)
         return outcome
 
     def _still_paused(self) -> bool:
@@ -363,7 +363,7 @@ class Run:
                     if stopped is not None:
                         return stopped
                     if self.state is RunState.HELD:
-                        self._to(RunEvent.RESUME)
+                        self._apply(RunEvent.RESUME)
             elif not complete:
                 return outcome
             outcome = self._play_block(trial.after, "after")
@@ -418,7 +418,7 @@ class Run:
         self._event("fault_shown", asdict(fault))
         return None
 
-    def _to(self, event: RunEvent) -> None:
+    def _apply(self, event: RunEvent) -> None:
         """Go to the next state of the table; an event that the table refuses is a bug here."""
         state = next_state(self.state, event)
         if state is None:

@@ -117,6 +117,7 @@ class _Builder:
         return found
 
     def _spring(self, name: str) -> Element:
+        """Return a spring with damper, from its entry; numbers in SI."""
         item: Spring = self.given.springs[name]
         path, notes = ("springs", name), self.notes
         along = between_two(path, item.between, item.radius, self.bodies, notes)
@@ -134,6 +135,7 @@ class _Builder:
         return _element(name, Kind.SPRING, along, numbers, offset=offset, at_start=preload)
 
     def _gravity(self, name: str) -> Element | None:
+        """Return the weight of a body along its slope, in N; None if it has none."""
         body = self.given.bodies[name]
         if body.slope == 0.0 or not body.mass:
             return None
@@ -142,6 +144,7 @@ class _Builder:
         return _element(f"{name}.weight", Kind.CONSTANT, along, {"k": weight}, at_start=weight)
 
     def _pendulum(self, name: str) -> Element:
+        """Return the torque of gravity on a mass at an arm on a shaft."""
         item, path = self.given.pendulums[name], ("pendulums", name)
         along = of_body((*path, "body"), item.body, self.bodies, self.notes)
         axis = self.bodies.axes[item.body]
@@ -156,6 +159,7 @@ class _Builder:
         )  # fmt: skip
 
     def _stop(self, name: str) -> Element:
+        """Return the buffers at both ends of the range of a body."""
         item, path, notes = self.given.stops[name], ("stops", name), self.notes
         along = of_body((*path, "body"), item.body, self.bodies, notes)
         axis, unit = self.bodies.axes[item.body], along.unit
@@ -234,6 +238,7 @@ def _element(
     name: str, kind: Kind, along: Strain, numbers: dict[str, float], *,
     offset: float = 0.0, at_start: float = 0.0,
 ) -> Element:  # fmt: skip
+    """Return an element on the displacement ``along``; ``at_start`` is its force, in SI."""
     return Element(
         name=name, kind=kind, ends=tuple(along.ends), numbers=numbers,
         force_unit=along.force_unit, strain_unit=along.unit, radius=along.radius,
@@ -242,6 +247,7 @@ def _element(
 
 
 def _warm(given: Description, index: dict[str, int], notes: Notes) -> tuple[Warm, ...]:
+    """Return the temperatures, each with the numbers of the frictions that heat it."""
     found = []
     for name, item in given.temperatures.items():
         for place, friction in enumerate(item.heated_by):

@@ -59,6 +59,7 @@ def moving(given: Description, notes: Notes) -> Moving:
 
 
 def _check_body(name: str, body: Body, given: Description, notes: Notes) -> None:
+    """Note what is wrong with the entry of a body by itself."""
     path = ("bodies", name)
     if name == GROUND:
         notes.add(path, "'ground' is what does not move: give this body another name")
@@ -83,6 +84,7 @@ def _without_mass(name: str, given: Description) -> str:
 
 
 def _give_speed(result: Moving, dof: int, name: str, speed: float, notes: Notes) -> None:
+    """Set the initial speed of a degree of freedom; note a contradiction in it."""
     had = result.speeds[dof]
     if had not in (0.0, speed):
         others = ", ".join(item for item in result.members[dof] if item != name)

@@ -57,6 +57,7 @@ def drive(
 
 
 def _check_keys(path: Path, item: Drive, notes: Notes) -> None:
+    """Refuse a key that the mode of the drive does not have, and an entry that lacks one."""
     needed, more = KEYS[item.mode]
     known = ("body", "mode", "limit", *needed, *more)
     for key in sorted(item.model_fields_set - set(known)):
@@ -71,6 +72,7 @@ def _check_keys(path: Path, item: Drive, notes: Notes) -> None:
 def _current(
     path: Path, item: Drive, along: Strain, notes: Notes
 ) -> tuple[dict[str, float], _Setpoint]:
+    """Return the numbers, in SI, and the setpoint of a drive under current or force control."""
     unit = "A" if item.mode == "current" else along.force_unit
     limit = notes.amount((*path, "limit"), item.limit, unit, high=1e7, above=True)
     constant = 1.0
@@ -102,6 +104,7 @@ def _current(
 def _servo(
     path: Path, item: Drive, along: Strain, start: float, notes: Notes
 ) -> tuple[dict[str, float], _Setpoint]:
+    """Return the numbers, in SI, and the setpoint of a drive under speed or position control."""
     unit, force = along.unit, along.force_unit
     limit = notes.amount((*path, "limit"), item.limit, force, high=1e7, above=True)
     fastest = notes.amount(

@@ -84,6 +84,7 @@ def parse_info(line: bytes, name: bytes) -> Info | Refusal | None:
 
 
 def _refusal(line: bytes, names: tuple[bytes, ...]) -> Refusal | None:
+    """Return the refusal that a line means, of a command in ``names``; None if it is none."""
     word = line.rstrip()
     if word in _ERRORS:
         return Refusal(word.decode(), _ERRORS[word])

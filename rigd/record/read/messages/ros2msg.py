@@ -50,6 +50,7 @@ class _Cursor:
     at: int = 0
 
     def number(self, letter: str) -> float:
+        """Return the next number, of the type ``letter`` of ``struct``, as a float."""
         size = struct.calcsize(letter)
         self.at += -self.at % size
         (value,) = struct.unpack_from(self.order + letter, self.data, self.at)
@@ -107,6 +108,7 @@ def _types(text: str) -> Types:
 
 
 def _field(line: str) -> Field:
+    """Return the field that a line of a definition states."""
     match = _FIELD.match(line)
     if match is None:
         raise Malformed(f"a field that no message type has: {line}")

@@ -57,6 +57,7 @@ Check = Callable[[Subject], Iterator[str]]
 
 
 def _bounded(subject: Subject) -> Iterator[str]:
+    """Yield calls that wait, memory that grows, and a read() that takes too many frames."""
     with bench(subject) as found:
         found.run()
         for _ in range(CYCLES):
@@ -70,6 +71,7 @@ def _bounded(subject: Subject) -> Iterator[str]:
 
 
 def _intervals(subject: Subject) -> Iterator[str]:
+    """Yield that the driver asks its device more often than its options state."""
     for other, apart_s in intervals(subject):
         with bench(other) as found:
             if found.peer.readings is None:
@@ -141,6 +143,7 @@ def _fault(fault: str, *, rows: bool = False) -> Check:
 
 
 def _cycled(found: Bench, fault: str, *, rows: bool) -> Iterator[str]:
+    """Yield what goes wrong in cycles while the device has ``fault``; ``rows`` may still come."""
     problems: dict[str, None] = {}
     found.took.clear()
     found.waits.clear()
@@ -187,6 +190,7 @@ def _made_safe(found: Bench, trips: int | None, *, at_once: bool) -> Iterator[st
 
 
 def _locked(subject: Subject) -> Iterator[str]:
+    """Yield that a device which cannot be energised counts as ready."""
     with bench(subject) as found:
         if not found.driver.declaration.setpoints:
             return
@@ -206,6 +210,7 @@ def _locked(subject: Subject) -> Iterator[str]:
 
 
 def _refused(subject: Subject) -> Iterator[str]:
+    """Yield that no cycle raises while the device refuses its setpoints."""
     for number in range(REFUSALS if subject.declare().setpoints else 0):
         # Of devices whose errors are others.
         with bench(replace(subject, varied=f"refusal {number}")) as found:
@@ -259,6 +264,7 @@ def _rescued(subject: Subject, fault: str) -> Iterator[str]:
 
 
 def _armed_silent(found: Bench) -> Iterator[str]:
+    """Yield that arm() takes too long, or raises a wrong error, while nothing answers."""
     armed = found.timed(found.driver.arm)
     if armed.took_s > ORDER_S:
         yield f"arm() takes {armed.took_s:.2g} s"
@@ -268,6 +274,7 @@ def _armed_silent(found: Bench) -> Iterator[str]:
 
 
 def _unguarded(subject: Subject) -> Iterator[str]:
+    """Yield that a watchdog which never acts counts as proven."""
     with bench(subject) as found:
         if found.open().error is not None or found.driver.watchdog_s is None:
             return
