@@ -20,9 +20,8 @@ What a reader does not take of it, it refuses at its place: a formula has no tex
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from rigd.language.number import ExpressionError, Number, number_in
 from rigd.language.tokens import INSTEAD, KEYWORDS, Token, Tokens
@@ -35,89 +34,91 @@ MAX_DEPTH: Final = 30
 _COMPARISONS: Final = frozenset(("<", ">", "<=", ">=", "==", "!=", "contains"))
 
 
-@dataclass(frozen=True, slots=True)
-class SyntaxPart:
-    """A part of an expression, and where it begins and ends in its text."""
+class Literal(NamedTuple):
+    """A quantity, its unit and how it is written; each part has where it begins and ends."""
 
     start: int
     end: int
-
-
-@dataclass(frozen=True, slots=True)
-class Literal(SyntaxPart):
-    """A quantity, its unit and how it is written."""
-
     number: Number
     unit: Unit | None
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Reference(SyntaxPart):
+class Reference(NamedTuple):
     """``${name}``, whose value is looked up."""
 
+    start: int
+    end: int
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class Name(SyntaxPart):
+class Name(NamedTuple):
     """A name written bare: ``device.channel``, a field, or a word."""
 
+    start: int
+    end: int
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class Text(SyntaxPart):
+class Text(NamedTuple):
     """A text in quotes; ``is_date``: a date without them."""
 
+    start: int
+    end: int
     text: str
     is_date: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Items(SyntaxPart):
+class Items(NamedTuple):
     """A list in square brackets."""
 
+    start: int
+    end: int
     items: tuple[Node, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class FunctionCall(SyntaxPart):
+class FunctionCall(NamedTuple):
     """A function and what it takes; ``|x|`` is ``abs(x)``."""
 
+    start: int
+    end: int
     name: str
     items: tuple[Node, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Operation(SyntaxPart):
+class Operation(NamedTuple):
     """Operands of ``+ - * / **``, ``not``, ``and`` or ``or``; ``-`` has one or two."""
 
+    start: int
+    end: int
     sign: str
     operands: tuple[Node, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ComparisonChain(SyntaxPart):
+class ComparisonChain(NamedTuple):
     """Operands with a sign between each two; behind ``in`` all others are what it may be."""
 
+    start: int
+    end: int
     signs: tuple[str, ...]
     operands: tuple[Node, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class State(SyntaxPart):
+class State(NamedTuple):
     """``x is word``, or ``x is not word``."""
 
+    start: int
+    end: int
     subject: Node
     word: Name
     is_so: bool
 
 
-@dataclass(frozen=True, slots=True)
-class HeldCondition(SyntaxPart):
+class HeldCondition(NamedTuple):
     """A condition that holds for a time."""
 
+    start: int
+    end: int
     condition: Node
     time: Node
 
@@ -309,7 +310,7 @@ class _Parser(Tokens):
             case "sign" if token.text == "(":
                 self.next()
                 inside = self.any(self.deeper(depth))
-                return replace(inside, start=token.start, end=self.expect(")").end)
+                return inside._replace(start=token.start, end=self.expect(")").end)
             case "sign" if token.text == "[":
                 self.next()
                 items, end = self.listed("]", depth)

@@ -47,12 +47,9 @@ _OTHERS: Final = rf"""
     |\$\{{\s*(?P<reference>[A-Za-z_][\w.]*)\s*\}}
     |(?P<sign>\*\*|[=!<>]=|&&|\|\||[-+*/<>()\[\],|=~&!^])
     |(?P<text>"[^"]*"|'[^']*')"""
-_PLAIN: Final = re.compile(rf"(?P<name>[^\W\d]\w*(?:\.\w+)*){_OTHERS}|(?P<date>(?!))", re.VERBOSE)
+_PLAIN: Final = rf"(?P<name>[^\W\d]\w*(?:\.\w+)*){_OTHERS}|(?P<date>(?!))"
 #: In a search: dates, and names with a dash.
-_SEARCH: Final = re.compile(
-    rf"(?P<date>{_DATE})|(?P<name>[^\W\d][\w-]*(?:\.[\w-]+)*){_OTHERS}",
-    re.VERBOSE,
-)
+_SEARCH: Final = rf"(?P<date>{_DATE})|(?P<name>[^\W\d][\w-]*(?:\.[\w-]+)*){_OTHERS}"
 _SEPARATED: Final = re.compile(r"\d[\d.]*(?:[eE][-+]?\d+)?_[\d_.]*\d")
 _COMMA: Final = re.compile(r"(\d+),(\d+(\s*[A-Za-zµμΩ°%]\S*)?)")
 _FACTOR: Final = re.compile(
@@ -71,7 +68,7 @@ class Tokens:
 
     def __init__(self, text: str, *, is_search: bool = False) -> None:
         self.text = text
-        self._pattern = _SEARCH if is_search else _PLAIN
+        self._pattern = re.compile(_SEARCH if is_search else _PLAIN, re.VERBOSE)
         self.token = self._at(0)
 
     def next(self) -> Token:
