@@ -26,8 +26,8 @@ import numpy as np
 from figures import at_least, at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.angle_runs import LOADS_KG, SETS, TABLE_1, Trial, campaign, drawn_rig, trial
-from support.angle_truth import WINDOWS, slip_error, steady
+from support.approach_angle.runs import LOADS_KG, SETS, TABLE_1, Trial, campaign, drawn_rig, trial
+from support.approach_angle.truth import WINDOWS, slip_error, steady
 
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign

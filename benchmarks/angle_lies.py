@@ -49,9 +49,9 @@ import numpy as np
 from figures import at_least, at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.angle_headless import simulate
-from support.angle_plant import shipped, varied
-from support.angle_runs import drawn_rig, known_run
+from support.approach_angle.headless import simulate
+from support.approach_angle.plant import shipped, varied
+from support.approach_angle.runs import drawn_rig, known_run
 
 from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
 from rigd_analyses.approach_angle.raw.run_data import FloatArray, KnownRun

@@ -29,8 +29,8 @@ from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from support.articulated_kkt import Multipliers
-from support.articulated_robots import Driven, chain, shipped
+from support.articulated.multipliers import Multipliers
+from support.articulated.robots import Driven, chain, shipped
 
 from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate

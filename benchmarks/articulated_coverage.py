@@ -3,9 +3,9 @@
     python benchmarks/articulated_coverage.py --robots 200 --keep robots.jsonl
                         continues the file: stop it and start it as you like
 
-Every experiment is a robot of its own (``tests/support/random_robots.py``): contacts, mass, camera,
-sensors and manoeuvres are drawn, and so are the stated constants within their uncertainties. It is
-recorded, and evaluated as ``rigd identify`` does.
+Every experiment is a robot of its own (``tests/support/articulated/random_robots.py``): contacts,
+mass, camera, sensors and manoeuvres are drawn, and so are the stated constants within their
+uncertainties. It is recorded, and evaluated as ``rigd identify`` does.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from typing import Any, Final
 from figures import at_least, at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.coverage import RIGHT_RATIO, TOO_LITTLE, coverage
-from support.random_robots import NAMES, random_robot
+from support.articulated.random_robots import NAMES, random_robot
+from support.lugre.coverage import RIGHT_RATIO, TOO_LITTLE, coverage
 
 from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate

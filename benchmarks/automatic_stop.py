@@ -29,8 +29,8 @@ from typing import Any, Final
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.killing import own_state
-from support.stopping import SETS, STOP_M, Drive, angle_rig, drive_to_stops, write_procedure
+from support.faults.killing import own_state
+from support.faults.stopping import SETS, STOP_M, Drive, angle_rig, drive_to_stops, write_procedure
 
 Row = dict[str, Any]
 

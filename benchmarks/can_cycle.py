@@ -19,9 +19,9 @@ from unittest.mock import patch
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.can_bench import wheel
-from support.can_script import ScriptedBus, number, servo
-from support.eds import SHIPPED
+from support.can.bench import wheel
+from support.can.eds import SHIPPED
+from support.can.script import ScriptedBus, number, servo
 
 from rigd_drivers.can.bus import CanBus, CanBusConfig
 from rigd_drivers.can.canopen.sheet import read_sheet

@@ -21,9 +21,9 @@ from pathlib import Path
 from figures import at_least, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.fault_rigs import sensors_rig
-from support.foreign_can import foreign_traffic, hogs
-from support.killing import SHAKING, own_state
+from support.can.foreign import foreign_traffic, hogs
+from support.faults.killing import SHAKING, own_state
+from support.faults.rigs import sensors_rig
 from support.wire import WireRig
 
 BUSES = ("servo_bus", "encoder_bus")

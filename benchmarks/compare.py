@@ -24,7 +24,7 @@ from scipy.stats import binomtest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from support.comparing import CHANGE, CURRENTS, Try, tries
+from support.recordings.comparing import CHANGE, CURRENTS, Try, tries
 
 TARGET = 95.0  #: % of the tries
 EACH = 4  #: tries of one rig

@@ -25,9 +25,9 @@ from scipy.stats import binomtest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from lateral_tables import sweep
-from support.angle_runs import drawn_rig, trial
-from support.random_rigs import measured
-from support.random_robots import random_robot
+from support.approach_angle.runs import drawn_rig, trial
+from support.articulated.random_robots import random_robot
+from support.lugre.random_rigs import measured
 
 from rigd.analysis.api import ResultOrigin, identify
 from rigd.analysis.compare.campaign import Campaign, of_result

@@ -23,8 +23,8 @@ from derived import FOUR
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.killing import SHAKING
-from support.slip import observer
+from support.faults.killing import SHAKING
+from support.lugre.slip import observer
 from support.wire import wire_rig
 
 from rigd.config.loader import parse_rig

@@ -1,7 +1,7 @@
 """Puts mistakes into packages as `rigd new` and authors write them, and counts those found.
 
 Each mutant is a driver, plant or analysis as written, with one replacement of text
-(`tests/support/mutants`). It is caught if check_driver, check_plant or check_analysis finds it by
+(`tests/sdk/mutants/known`). It is caught if check_driver, check_plant or check_analysis finds it by
 the rule that it names, or by the sequences, which come before and end the examination. The package
 as written must pass them all.
 
@@ -10,7 +10,7 @@ as written must pass them all.
     python benchmarks/conformance.py --fresh third [KIND]  those of the third author
 
 Four authors (first, second, third, fourth) wrote fresh mutants without a look at the suites
-(`tests/support/fresh_mutants`), the fourth of drivers only. These name no rule: one is caught if
+(`tests/sdk/mutants/fresh`), the fourth of drivers only. These name no rule: one is caught if
 the suite finds anything. The seconds are those of the processor. Some do what rigd allows: these
 are not counted.
 """
@@ -29,10 +29,10 @@ from pathlib import Path
 from figures import at_least, at_most
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.fresh_mutants import Fresh
-from support.fresh_mutants.kinds import AUTHORS
-from support.mutants import Mistake, made
-from support.mutants.kinds import KINDS
+from sdk.mutants.fresh import Fresh
+from sdk.mutants.fresh.kinds import AUTHORS
+from sdk.mutants.known import Mistake, made
+from sdk.mutants.known.kinds import KINDS
 
 #: The rule that plays sequences of calls.
 SEQUENCES = "any order of calls"

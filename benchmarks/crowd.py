@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Final
 
-from support.zenoh_client import Refused, ZenohClient, config
+from support.daemon.zenoh_client import Refused, ZenohClient, config
 
 WATCHERS: Final = 10
 TRIES: Final = 10

@@ -45,7 +45,7 @@ from figures import at_most, noted
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.killing import SHAKING
+from support.faults.killing import SHAKING
 from support.wire import ROOT, wire_rig
 
 from rigd.config.loader import load_rig

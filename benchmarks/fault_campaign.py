@@ -1,8 +1,8 @@
 """Every fault of every simulated device, shown to a run that moves the rig: what did rigd do?
 
 Prints by what and how fast each was detected, when the drives were safe, and what the operator was
-told; fails where that is not what must happen (``tests/support/fault_table.py``). Most rigs are the
-shipped ones at the wire (``tests/support/fault_rigs.py``).
+told; fails where that is not what must happen (``tests/support/faults/table.py``). Most rigs are
+the shipped ones at the wire (``tests/support/faults/rigs.py``).
 
     python benchmarks/fault_campaign.py --table faults.jsonl
                         continues the table: stop it and start it as you like
@@ -28,11 +28,11 @@ from typing import Any
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.campaign import Campaign, Outcome, verdict
-from support.fault_rigs import RIGS, every_case, kind_of
-from support.fault_table import Case
-from support.foreign_can import foreign_traffic
-from support.killing import heed_ctrl_c
+from support.can.foreign import foreign_traffic
+from support.faults.campaign import Campaign, Outcome, verdict
+from support.faults.killing import heed_ctrl_c
+from support.faults.rigs import RIGS, every_case, kind_of
+from support.faults.table import Case
 
 Row = dict[str, Any]
 

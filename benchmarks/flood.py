@@ -32,8 +32,8 @@ import zenoh
 from crowd import FLOOD_S, WATCHERS, elsewhere, message
 from figures import at_most, noted
 from stop_lane import opened, witnessed
-from support.daemon import Daemon
-from support.soaking import NAME, soaked
+from support.daemon.process import Daemon
+from support.faults.soaking import NAME, soaked
 
 from rigd.record import Recording
 

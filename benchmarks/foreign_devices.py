@@ -43,8 +43,8 @@ from typing import Any, Final
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.pty_port import PtyPort
-from support.scanned_drive import ETA, REGISTERS, ScannedDrive, Scanner
+from support.cards.scanned_drive import ETA, REGISTERS, ScannedDrive, Scanner
+from support.instruments.pty_port import PtyPort
 from support.wire import free_ports
 
 from rigd.model.errors import RigdError
@@ -426,7 +426,7 @@ def serve_canopen(place: str) -> None:
     """Serve a local node of canopen, of the shipped EDS: no state machine, and no watchdog."""
     import can
     import canopen
-    from support.eds import SHIPPED
+    from support.can.eds import SHIPPED
 
     class HubBus(can.BusABC):
         """The simulated bus, for python-can."""

@@ -11,11 +11,11 @@ trial of every stream is read, and `rigd identify` evaluates both. Times are CPU
 of three interleaved rounds.
 
 Then a run of the omni-wheel rig is written in each odd but valid way of
-`tests/support/odd_mcap.py`. Each command is to give what it gives for rigd's own file: `verify`
-finds nothing damaged, `open` gives the same rows and trials, `export` the same tables, `identify`
-the same numbers, and `recover` leaves the file as it is. Last, each is cut off and repaired: every
-message that the `mcap` package finds before the cut must be in the repaired file. `info`, `runs`,
-`measure`, `compare` and `report` are played on runs that have measures.
+`tests/support/recordings/odd_mcap.py`. Each command is to give what it gives for rigd's own file:
+`verify` finds nothing damaged, `open` gives the same rows and trials, `export` the same tables,
+`identify` the same numbers, and `recover` leaves the file as it is. Last, each is cut off and
+repaired: every message that the `mcap` package finds before the cut must be in the repaired file.
+`info`, `runs`, `measure`, `compare` and `report` are played on runs that have measures.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.odd_commands import COMMANDS, of_run
-from support.odd_mcap import VALID, content_of, messages_in
-from support.shipped_runs import Pair, play
+from support.commands.odd_commands import COMMANDS, of_run
+from support.recordings.odd_mcap import VALID, content_of, messages_in
+from support.recordings.shipped_runs import Pair, play
 
 from rigd.config.loader import load_rig
 from rigd.model.errors import RigdError

@@ -39,8 +39,8 @@ from figures import at_most, noted
 from flood import HOLD
 from panel import NAME, served
 from panel_stop import cookie_of
-from support.daemon import Daemon
-from support.served_rig import free_port
+from support.daemon.process import Daemon
+from support.daemon.served_rig import free_port
 from support.wire import ROOT
 from websockets import Origin
 from websockets.sync.client import connect

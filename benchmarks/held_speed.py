@@ -34,7 +34,7 @@ from figures import at_most
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.killing import PATIENT
+from support.faults.killing import PATIENT
 from support.wire import WireRig, wire_rig
 
 from rigd.config.loader import parse_rig

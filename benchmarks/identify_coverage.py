@@ -5,14 +5,14 @@
     python benchmarks/identify_coverage.py --first 31 --rigs 60 --keep coverage.jsonl
                         rigs 31 to 60; the table has all of the file up to 60
 
-Every experiment is a rig of its own (``tests/support/random_rigs.py``): friction, masses, drive,
-vibration and noise are drawn within what is realistic, and so are the positions of wheel and
+Every experiment is a rig of its own (``tests/support/lugre/random_rigs.py``): friction, masses,
+drive, vibration and noise are drawn within what is realistic, and so are the positions of wheel and
 carriage at the start and between which counts of their encoders. It is recorded, and evaluated as
 ``rigd identify`` does. For ``--method output-error`` each constant of the recording is drawn around
 the truth with its stated uncertainty; slip-force takes the constants as exact, and gets them so.
-`spread` is the standard deviation of the errors over the half width of the intervals: about 0.5
-if the intervals are right. Far below it they are too wide, or nothing varied: coverage then
-has no meaning.
+`spread` is the standard deviation of the errors over the half width of the intervals: about 0.5 if
+the intervals are right. Far below it they are too wide, or nothing varied: coverage then has no
+meaning.
 
 ``--peers`` evaluates the same recordings, also those of rigs that the file has, by method A without
 the gate of output error, by plain least squares with s^2 (J'J)^-1 (:mod:`identify_plain`) and, if
@@ -36,8 +36,8 @@ from figures import at_least, at_most, noted
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from identify_mujoco import fitted, is_installed
 from identify_plain import plain_least_squares
-from support.coverage import RIGHT_RATIO, TOO_LITTLE, Coverage, Found, coverage
-from support.random_rigs import FLOORS, RandomRig, measured, random_rig
+from support.lugre.coverage import RIGHT_RATIO, TOO_LITTLE, Coverage, Found, coverage
+from support.lugre.random_rigs import FLOORS, RandomRig, measured, random_rig
 
 from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate

@@ -22,8 +22,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from figures import at_most, noted
-from support.altered import Content, ending, spoilt
-from support.angle_recording import calibration_of, small_campaign, write_campaign
+from support.approach_angle.recording import calibration_of, small_campaign, write_campaign
+from support.recordings.altered import Content, ending, spoilt
 
 from rigd.analysis.analysis import Options
 from rigd.config.loader import load_rig

@@ -5,7 +5,7 @@
     python benchmarks/identify_misfit.py --controls 30 --keep misfit.jsonl
     python benchmarks/identify_misfit.py --keep misfit.jsonl --table
 
-A row for each kind of wrongness (``tests/support/lugre_kinds.py``) and size: by how many half
+A row for each kind of wrongness (``tests/support/lugre/kinds.py``) and size: by how many half
 widths the worst interval of method A alone, of a parameter or of g at 5, 10, 20 or 50 mm/s, misses
 the truth, what the gate decides, the same of
 method A behind the gate (``--method slip-force``) and of output error, CPU seconds, the first
@@ -29,8 +29,8 @@ from figures import at_least, at_most
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
-from support.lugre_kinds import GROUPS, KINDS, SIZES
-from support.lugre_wrong import World, control, right
+from support.lugre.kinds import GROUPS, KINDS, SIZES
+from support.lugre.wrong import World, control, right
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FitOutcome, IdentificationResult

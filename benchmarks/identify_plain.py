@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from support.coverage import Found
+from support.lugre.coverage import Found
 
 from rigd.analysis.fitting.model import scaled_bounds, slopes, to_natural, to_scaled
 from rigd_analyses.lugre.model import MU_C, PARAMETERS, RATIO, friction, friction_gradient

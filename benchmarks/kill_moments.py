@@ -31,11 +31,9 @@ from typing import Any, Final
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.blocks import alive
-from support.command import rigd
-from support.fault_rigs import sensors_rig
-from support.foreign_can import foreign_traffic, hogs
-from support.killing import (
+from support.can.foreign import foreign_traffic, hogs
+from support.commands.command import rigd
+from support.faults.killing import (
     END_S,
     SHAKING,
     SIGNALS,
@@ -47,6 +45,8 @@ from support.killing import (
     heed_ctrl_c,
     own_state,
 )
+from support.faults.rigs import sensors_rig
+from support.recordings.blocks import alive
 from support.wire import WireRig
 
 from rigd.engine.shared import Word

@@ -35,8 +35,7 @@ from typing import Any
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.fault_rigs import LABJACK_SHAKING, NI_SHAKING
-from support.killing import (
+from support.faults.killing import (
     HELD,
     HOLDING,
     PATIENT,
@@ -50,6 +49,7 @@ from support.killing import (
     heed_ctrl_c,
     own_state,
 )
+from support.faults.rigs import LABJACK_SHAKING, NI_SHAKING
 from support.wire import LABJACK, LUGRE, NI, WireRig, wire_rig
 
 Row = dict[str, Any]

@@ -23,7 +23,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import numpy as np
-from support.lateral_wrong import WRONG, Sweep, right
+from support.lugre.lateral_wrong import WRONG, Sweep, right
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FitOutcome

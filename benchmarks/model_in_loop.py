@@ -23,8 +23,8 @@ from computing_wire import PATIENT, SETTLING_S, played
 from figures import noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.faults.killing import SHAKING
 from support.fmu import build
-from support.killing import SHAKING
 from support.wire import wire_rig
 
 from rigd.config.loader import parse_rig

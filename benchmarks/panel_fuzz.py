@@ -22,8 +22,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 import pytest
 from figures import at_most, noted
 from remote_fuzz import resident_mb
-from support.panel import ServedPanel
-from support.wild import DOORS, in_control, let_a_flood_through, send_wild
+from support.panel.served import ServedPanel
+from support.panel.wild import DOORS, in_control, let_a_flood_through, send_wild
 
 
 def main() -> None:

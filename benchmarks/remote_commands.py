@@ -34,8 +34,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from crowd import crowded
 from figures import at_most, noted
-from support.daemon import Daemon, listening
-from support.killing import own_state
+from support.daemon.process import Daemon, listening
+from support.faults.killing import own_state
 from support.wire import ROOT, free_ports, wire_rig
 
 from rigd.record import Recording

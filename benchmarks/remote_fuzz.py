@@ -27,9 +27,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import zenoh
 from figures import at_most, noted
-from support.served_rig import RIG, free_port, key, request, serve
-from support.spoilt import spoilt_payloads
-from support.zenoh_client import ZenohClient, config
+from support.daemon.served_rig import RIG, free_port, key, request, serve
+from support.daemon.zenoh_client import ZenohClient, config
+from support.faults.spoilt import spoilt_payloads
 
 from rigd.config.remote import RemoteSetup
 from rigd.remote.network import client_config

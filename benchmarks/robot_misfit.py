@@ -3,8 +3,8 @@
     python benchmarks/robot_misfit.py                      every world, about 15 minutes of CPU
     python benchmarks/robot_misfit.py --only camera        worlds with this word in the name
 
-A row for each world (``tests/support/robot_worlds.py``): the verdict, by how many half widths the
-worst interval misses the truth, CPU time, the first sentence.
+A row for each world (``tests/support/articulated/worlds.py``): the verdict, by how many half widths
+the worst interval misses the truth, CPU time, the first sentence.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from support.random_robots import NAMES
-from support.robot_worlds import WORLDS, RobotWorld
+from support.articulated.random_robots import NAMES
+from support.articulated.worlds import WORLDS, RobotWorld
 
 from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate

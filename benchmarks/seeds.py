@@ -22,7 +22,7 @@ from typing import Any
 from figures import at_most
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.shipped_runs import Pair, pairs, play, wrong
+from support.recordings.shipped_runs import Pair, pairs, play, wrong
 
 Row = dict[str, Any]
 SEEDS = 50

@@ -4,10 +4,11 @@
 
 Cases: the paper's ten currents on each floor, against the plant's truth. First as in lugre.md
 section 9, with friction and constants as they are. Then on rigs drawn at random
-(``tests/support/random_rigs.py``), as a lab would do it: every constant is as far off as its stated
-uncertainty, one campaign is identified by output error, and its model gives the filter friction,
-corrected constants and noise for another campaign. A rig whose model does not fit is counted, and
-gives no filter. At last with the friction of another floor, which the innovations must show.
+(``tests/support/lugre/random_rigs.py``), as a lab would do it: every constant is as far off as its
+stated uncertainty, one campaign is identified by output error, and its model gives the filter
+friction, corrected constants and noise for another campaign. A rig whose model does not fit is
+counted, and gives no filter. At last with the friction of another floor, which the innovations must
+show.
 
 A recording gives the same rows as the run (``rigd filter``), so that the campaigns are filtered
 afterwards. The cost is that of a cycle in virtual time with the filter, beside the same rig
@@ -30,9 +31,9 @@ from figures import at_least, at_most, in_turn, noted
 from ruamel.yaml import YAML
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.altered import Content
-from support.random_rigs import FLOORS, RandomRig, measured, number_of, random_rig
-from support.slip import Score, friction_of, from_model, observer, score, with_filter
+from support.lugre.random_rigs import FLOORS, RandomRig, measured, number_of, random_rig
+from support.lugre.slip import Score, friction_of, from_model, observer, score, with_filter
+from support.recordings.altered import Content
 
 from rigd.analysis.recordings.observers import filtered
 from rigd.config.loader import load_rig, parse_rig

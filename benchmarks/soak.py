@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import numpy as np
 from figures import at_most
-from support.soaking import as_line, settled, soak, soaked
+from support.faults.soaking import as_line, settled, soak, soaked
 
 #: The largest slope per hour of any slice. An hour has 700 rounds: one descriptor or thread left in
 #: each, or one piece of a download (256 kB), is far beyond. Two minutes of a daemon that had just

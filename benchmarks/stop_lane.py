@@ -31,11 +31,11 @@ import numpy as np
 import zenoh
 from crowd import crowded, message
 from figures import at_most, noted
-from support.daemon import Daemon
-from support.played_rig import RUN
-from support.served_rig import free_port, serve
-from support.soaking import NAME, soaked
-from support.zenoh_client import config
+from support.daemon.process import Daemon
+from support.daemon.served_rig import free_port, serve
+from support.daemon.zenoh_client import config
+from support.faults.soaking import NAME, soaked
+from support.panel.played_rig import RUN
 
 REQUESTS = 100
 #: A stop leaves the shell within this, in ms of processor time.

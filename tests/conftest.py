@@ -99,33 +99,30 @@ SIDE_BY_SIDE = places(
 #: Of these, tests whose driver or simulated device lives by the clock in the process of the test.
 #: rigd and `rigd sim` give both real-time priority; so does the suite, on a machine that allows it.
 WITH_PRIORITY = places(
-    "drivers/canopen/test_conformance.py", "drivers/labjack", "drivers/modbus", "drivers/ni_io",
-    "drivers/ni_relay", "drivers/scale",
-    "drivers/test_ni_clock.py", "drivers/test_ni_daq.py", "engine/slow/test_ni_in_helper.py",
-    "sim/wire", "sim/approach_angle/test_wire.py", "sim/lugre/test_wire.py",
-    "sim/mechanism/test_wire.py", "sim/mechanism/test_tribometer.py",
+    "drivers/can/test_conformance.py", "drivers/cards/labjack", "drivers/modbus",
+    "drivers/cards/ni_io", "drivers/cards/ni_relay", "drivers/instruments/scale",
+    "drivers/cards/test_ni_clock.py", "drivers/cards/test_ni_daq.py",
+    "engine/slow/test_ni_in_helper.py", "sim/wire", "sim/approach_angle/test_wire.py",
+    "sim/lugre/test_wire.py", "sim/mechanism/test_wire.py", "sim/mechanism/test_tribometer.py",
 )  # fmt: skip
 #: `make quick`: computes only, in less than a minute. No browser, no node, nothing in real time.
 QUICK = places(
     "analysis/fitting/test_fit.py", "analysis/fitting/test_residuals.py",
-    "analysis/recordings/test_resample.py", "config",
-    "daemon/live/test_points.py", "daemon/serve/test_library.py",
-    "daemon/serve/test_recordings.py", "computed/controllers", "computed/derived",
-    "drivers/canopen/test_bus.py",
-    "drivers/canopen/test_eds_on_bus.py", "drivers/canopen/test_servo_cycle.py",
-    "drivers/canopen/test_servo_safe.py", "drivers/canopen/test_servo_setup.py",
-    "drivers/canopen/test_sheet.py",
+    "analysis/recordings/test_resample.py", "config", "daemon/live/test_points.py",
+    "daemon/serve/test_library.py", "daemon/serve/test_recordings.py", "computed/controllers",
+    "computed/derived", "drivers/can/test_bus.py", "drivers/can/test_eds_on_bus.py",
+    "drivers/can/test_servo_cycle.py", "drivers/can/test_servo_safe.py",
+    "drivers/can/test_servo_setup.py", "drivers/can/test_sheet.py",
     "drivers/modbus/test_exchange.py", "drivers/modbus/test_frames.py",
-    "drivers/modbus/test_maps.py", "drivers/mf624", "drivers/test_analog_servo.py",
-    "drivers/test_analog_speed_servo.py", "drivers/test_card_analog.py",
-    "drivers/test_card_encoder.py", "drivers/test_card_frequency.py", "engine/test_cycle.py",
-    "engine/test_interlocks.py",
-    "engine/test_limiter.py", "engine/test_player.py", "engine/test_run.py",
-    "engine/test_run_pause.py",
-    "engine/test_windows.py",
-    "model", "procedure", "record/test_events.py", "record/test_values.py", "record/test_writer.py",
-    "remote/protocol", "remote/test_access.py", "remote/test_certificates.py",
-    "sdk/test_options.py", "sim/lugre/test_parameters.py", "sim/wire/can/test_eds.py",
+    "drivers/modbus/test_maps.py", "drivers/cards/mf624", "drivers/cards/test_analog_servo.py",
+    "drivers/cards/test_analog_speed_servo.py", "drivers/cards/test_card_analog.py",
+    "drivers/cards/test_card_encoder.py", "drivers/cards/test_card_frequency.py",
+    "engine/test_cycle.py", "engine/test_interlocks.py", "engine/test_limiter.py",
+    "engine/test_player.py", "engine/test_run.py", "engine/test_run_pause.py",
+    "engine/test_windows.py", "model", "procedure", "record/test_events.py",
+    "record/test_values.py", "record/test_writer.py", "remote/protocol", "remote/test_access.py",
+    "remote/test_certificates.py", "sdk/test_options.py", "sim/lugre/test_parameters.py",
+    "sim/wire/can/test_eds.py",
 )  # fmt: skip
 #: `make test-days`: tests that ask which day it is. Shown to be all by whole runs on other days.
 DATES = places(

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.altered import Content, ending, spoilt
-from support.angle_recording import calibration_of, small_campaign, write_campaign
+from support.approach_angle.recording import calibration_of, small_campaign, write_campaign
 from support.cases import some
-from support.shipped_runs import Pair, play
+from support.recordings.altered import Content, ending, spoilt
+from support.recordings.shipped_runs import Pair, play
 
 from rigd.analysis.analysis import Options
 from rigd.config.loader import load_rig

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support.angle_recording import CONSTANTS, SIGNALS
+from support.approach_angle.recording import CONSTANTS, SIGNALS
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate

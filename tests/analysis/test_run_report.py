@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 from numpy.typing import NDArray
-from support.markup import outline
+from support.panel.markup import outline
 
 from rigd.analysis.report.layout import Panel
 from rigd.analysis.run_page import parse_selection, run_report, samples

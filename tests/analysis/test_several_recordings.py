@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from support.random_rigs import random_rig
+from support.lugre.random_rigs import random_rig
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
-from support.blocks import alive, until
+from support.recordings.blocks import alive, until
 
 from rigd.analysis.output_error.system import Diverged
 from rigd.analysis.side_by_side import side_by_side

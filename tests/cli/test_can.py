@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.command import rigd
-from support.eds import line_of, write_eds
+from support.can.eds import line_of, write_eds
+from support.commands.command import rigd
 
 from rigd.config.loader import parse_rig
 from rigd.model.errors import ConfigError

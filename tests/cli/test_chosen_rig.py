@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from support import command
+from support.commands import command
 
 import rigd
 import rigd.remote

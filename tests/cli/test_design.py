@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.lugre_model import saved_model
+from support.lugre.model import saved_model
 
 from rigd.cli.main import main
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.command import Ended, rigd
+from support.commands.command import Ended, rigd
 
 from rigd.model.errors import Exit
 

@@ -6,7 +6,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 GROUPS = {
     "rigd.drivers": "driver",

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from support.asking import ASKING
-from support.examples import of_help, of_readme, words_of
-from support.imported import MAP
+from support.commands.asking import ASKING
+from support.commands.examples import of_help, of_readme, words_of
+from support.recordings.imported import MAP
 from support.wire import free_ports
 
 from rigd.cli.main import COMMANDS, build_parser, command_name, main
@@ -260,13 +260,13 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
     "system/test_run_command.py": (
         "rigd run procedures/constant_current.yaml --rig lugre-1 --dry-run",
     ),
-    "support/daemon.py": (
+    "support/daemon/process.py": (
         "rigd serve",
         "rigd serve --rig lugre-1",
         "rigd serve --rig configs/sim_lugre.yaml",
         "rigd serve --rig wire-1 --no-panel --foxglove",
     ),
-    "support/panel.py": (
+    "support/panel/served.py": (
         "rigd panel",
         "rigd panel --rig lugre-1 --port 8500",
         "rigd panel --rig wire-1 --host 0.0.0.0 --name rig.lab --https-certificate certs/panel.crt "

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from support.cases import some
-from support.odd_commands import COMMANDS, of_run
-from support.odd_mcap import VALID, Content, content_of
-from support.shipped_runs import Pair, play
+from support.commands.odd_commands import COMMANDS, of_run
+from support.recordings.odd_mcap import VALID, Content, content_of
+from support.recordings.shipped_runs import Pair, play
 
 from rigd.config.loader import load_rig
 from rigd.sdk.shipped_files import shipped_folder

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.command import Ended, rigd
+from support.commands.command import Ended, rigd
 
 from rigd.model import Channel, Stream
 from rigd.model.rows import row_dtype

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.played_rig import RUN
-from support.served_rig import RIG, serve
+from support.daemon.served_rig import RIG, serve
+from support.panel.played_rig import RUN
 
 ROOT = Path(__file__).parents[2]
 #: What reads files, plans, draws, analyses, serves or waits for events: nothing a run at work does.

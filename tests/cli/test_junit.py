@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-from support.command import rigd
+from support.commands.command import rigd
 
 from rigd.cli.views.junit import JunitCase, Suite, case_of, suite_of_error, write_junit
 from rigd.engine.run.result import RunResult

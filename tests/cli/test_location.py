@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.asking import ASKING
+from support.commands.asking import ASKING
 
 from rigd.cli.main import main
 from rigd.record import Recording

@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 #: The belt holds the carriage, so the speed of the wheel is that of the encoder's noise.
 PROCEDURE = """\

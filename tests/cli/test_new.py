@@ -12,7 +12,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 from rigd.cli.plugins.new import KINDS, RETIRED, check_name, module_name, rendered
 from rigd.model.errors import ConfigError

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pytest
 from ruamel.yaml import YAML
-from support.command import rigd
+from support.commands.command import rigd
 
 from rigd.cli.main import build_parser
 from rigd.cli.plugins.new_rig.folder import write_rig

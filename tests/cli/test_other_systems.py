@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.elsewhere import HEAVY, LIBRARIES, Ended, run_elsewhere
+from support.commands.elsewhere import HEAVY, LIBRARIES, Ended, run_elsewhere
 
 from rigd.sdk.shipped_files import shipped_folder
 

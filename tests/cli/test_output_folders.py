@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 #: A command that writes FILE, which stands in a folder that is not there.
 COMMANDS = {

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 from rich.table import Table
-from support.command import rigd
-from support.terminal import Terminal
+from support.commands.command import rigd
+from support.commands.terminal import Terminal
 
 from rigd.cli.main import main
 from rigd.cli.views.screen import print_rows, print_table, shared, wrapped

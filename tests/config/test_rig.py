@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.grid import PlantGrid
+from support.engine.grid import PlantGrid
 
 from rigd.config.loader import load_rig, parse_rig
 from rigd.model import ConfigError

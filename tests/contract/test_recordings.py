@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from contract.golden import Check
 from contract.recording_text import text_of
-from support.shipped_runs import Pair, pairs, play
+from support.recordings.shipped_runs import Pair, pairs, play
 
 pytestmark = pytest.mark.timeout(1800)
 

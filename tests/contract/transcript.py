@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from contract.recording_text import short, text_of
-from support.command import rigd
+from support.commands.command import rigd
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 

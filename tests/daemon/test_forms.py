@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.blocks import alive
+from support.recordings.blocks import alive
 
 from rigd.config.loader import load_rig
 from rigd.daemon.forms import RecordingSpec, processes

@@ -27,8 +27,8 @@ from pathlib import Path
 
 import pytest
 from support import warm
-from support.command import rigd
-from support.served_lugre import served_lugre
+from support.commands.command import rigd
+from support.daemon.served_lugre import served_lugre
 
 from rigd.cli.main import COMPILING
 from rigd.config.document import parse_document

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.browser import chromium
+from support.panel.browser import chromium
 
 from rigd.cli.main import COMMANDS, command_name
 from rigd.cli.plugins.inventory import GROUPS

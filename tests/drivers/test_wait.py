@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from support.stalls import STALL_S, standing_still
+from support.faults.stalls import STALL_S, standing_still
 
 from rigd_drivers.wait import looks
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from numpy.typing import NDArray
-from support.any_loops import PERIOD_NS, Case, Loop, cases
-from support.bench import ListSink
+from support.engine.any_loops import PERIOD_NS, Case, Loop, cases
+from support.engine.bench import ListSink
 
 from rigd.config.loader import parse_rig
 from rigd.dry_run.holding import HoldingHost

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import pytest
-from support.bench import Axis, AxisRow, Bench, move, procedure
+from support.engine.bench import Axis, AxisRow, Bench, move, procedure
 
 from rigd.engine.run.answers import AnswerRefused, Answers, OwnAnswers, check_answer, read_answer
 from rigd.engine.run.result import Progress, RunResult

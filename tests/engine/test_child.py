@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.blocks import until
+from support.recordings.blocks import until
 
 from rigd.engine.system.child import Child
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import pytest
-from support.bench import PERIOD_NS, Axis, Bench, ListSink, move
+from support.engine.bench import PERIOD_NS, Axis, Bench, ListSink, move
 
 from rigd.engine import clock
 from rigd.engine.clock import RealClock, WallClock

@@ -13,8 +13,8 @@ TESTS = Path(__file__).resolve().parents[1]
 #: nothing yet. What the simulated plant compiles does not count: a rig in real time has none.
 CODE = """\
 from numba.core.dispatcher import Dispatcher
-from support.bench import ListSink
-from support.slip import observer
+from support.engine.bench import ListSink
+from support.lugre.slip import observer
 
 from rigd.config.loader import parse_rig
 from rigd.engine.clock import VirtualClock

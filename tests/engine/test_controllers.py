@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.bench import ListSink
+from support.engine.bench import ListSink
 
 from rigd.config.loader import parse_rig
 from rigd.config.rig import RigConfig

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.bench import Axis, Bench, move
+from support.engine.bench import Axis, Bench, move
 
 from rigd.engine.cycle.cycle import MOST_TRIPS
 from rigd.engine.sink import Rows

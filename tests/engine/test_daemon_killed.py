@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from support.blocks import alive, until
-from support.file_axis import word
+from support.daemon.file_axis import word
+from support.recordings.blocks import alive, until
 
 from rigd.engine.shared import RunFolder, Word, state_folder
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("own_state")
 DAEMON = """
 import os, sys, time
 from pathlib import Path
-from support import file_axis
+from support.daemon import file_axis
 from rigd.engine.play.control import Control
 from rigd.engine.process.launch import launch
 from rigd.engine.shared import Job, RunFolder

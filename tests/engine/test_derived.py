@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.bench import ListSink
+from support.engine.bench import ListSink
 
 from rigd.config.loader import parse_rig
 from rigd.daemon.manual.choice import only

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from support.bench import Axis, Bench, move, procedure
+from support.engine.bench import Axis, Bench, move, procedure
 
 from rigd.engine.run.faults import ShownFaults
 from rigd.model.errors import Blocked, Exit, LinkError

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 import pytest
-from support.bench import Bench, move, procedure
-from support.shipped_runs import Pair, play
+from support.engine.bench import Bench, move, procedure
+from support.recordings.shipped_runs import Pair, play
 
 from rigd.config.loader import load_rig
 from rigd.engine.play.interlocks import InterlockBank, Trip

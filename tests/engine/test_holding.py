@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import pytest
-from support.bench import Bench, move, procedure
+from support.engine.bench import Bench, move, procedure
 
 from rigd.engine.cycle.limiter import Limiter
 from rigd.engine.play.holding import HoldPhase

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from support.bench import ListSink
+from support.engine.bench import ListSink
 
 from rigd.config.loader import parse_rig
 from rigd.engine.clock import VirtualClock

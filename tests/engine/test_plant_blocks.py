@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.grid import PERIOD_NS, ClockPlant, Grid, PlantGrid, rig
+from support.engine.grid import PERIOD_NS, ClockPlant, Grid, PlantGrid, rig
 
 from rigd.config.rig import RigConfig
 from rigd.engine.clock import VirtualClock

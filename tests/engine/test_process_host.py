@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import file_axis
-from support.file_axis import word
-from support.name_server import lose_name_server
-from support.stalls import witnessed
+from support.daemon import file_axis
+from support.daemon.file_axis import word
+from support.faults.stalls import witnessed
+from support.instruments.name_server import lose_name_server
 from support.wire import ROOT
 
 from rigd.config.loader import load_rig

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import pytest
-from support.bench import PERIOD_NS, Axis, Bench, ListSink, Stubborn, move, procedure
+from support.engine.bench import PERIOD_NS, Axis, Bench, ListSink, Stubborn, move, procedure
 
 from rigd.config.rig import RestBound, Supervision
 from rigd.engine.cycle.cycle import Cycle

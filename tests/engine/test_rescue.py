@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
-from support import file_axis
+from support.daemon import file_axis
 
 from rigd.config.rig import LinkSetup, RigConfig
 from rigd.engine.process.rescue import rescue

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import pytest
-from support.bench import PERIOD_NS, Axis, AxisRow, Bench, ListSink, Stubborn, move, procedure
+from support.engine.bench import (
+    PERIOD_NS,
+    Axis,
+    AxisRow,
+    Bench,
+    ListSink,
+    Stubborn,
+    move,
+    procedure,
+)
 
 from rigd.engine.cycle.cycle import CONFIRMING_NS
 from rigd.engine.play.control import Control

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from support.bench import Bench, move, procedure
+from support.engine.bench import Bench, move, procedure
 
 from rigd.engine.run.result import Progress
 from rigd.model.states import RunState

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.blocks import until
-from support.grid import Grid, PlantGrid, rig
+from support.engine.grid import Grid, PlantGrid, rig
+from support.recordings.blocks import until
 
 from rigd.config.rig import RigConfig
 from rigd.engine.cycle.wiring import streams_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.imported import MAP, Import
+from support.recordings.imported import MAP, Import
 
 from rigd.importing import import_files, parse_map
 from rigd.model import ConfigError, RecordingError

@@ -11,7 +11,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.imported import MAP, Import
+from support.recordings.imported import MAP, Import
 
 from rigd.model import ConfigError
 from rigd.record import Recording

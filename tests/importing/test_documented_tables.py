@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
-from support.imported import MAP, Import
+from support.recordings.imported import MAP, Import
 
 from rigd.importing.tables.formats import _ENDINGS
 from rigd.model import ConfigError

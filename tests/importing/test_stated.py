@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.imported import MAP
+from support.recordings.imported import MAP
 
 from rigd.catalogue import parse_where, search
 from rigd.cli.main import main

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.imported import MAP, Import
+from support.recordings.imported import MAP, Import
 
 from rigd.analysis.heading import heading
 from rigd.model import ConfigError

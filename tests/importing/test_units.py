@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from support.imported import MAP, Import
+from support.recordings.imported import MAP, Import
 
 from rigd.model import ConfigError
 

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from support.daemon import listening
-from support.served_rig import free_port
+from support.daemon.process import listening
+from support.daemon.served_rig import free_port
 
 from rigd.model.errors import Exit
 from rigd.model.machine.extras import MODULES, MissingExtra, is_installed, require

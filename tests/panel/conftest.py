@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Browser
-from support.browser import Watched, chromium
-from support.panel import ServedPanel
-from support.played_campaign import PROMPT, WEIGH
-from support.played_rig import PlayedRig
+from support.panel.browser import Watched, chromium
+from support.panel.played_campaign import PROMPT, WEIGH
+from support.panel.played_rig import PlayedRig
+from support.panel.served import ServedPanel
 
 
 @pytest.fixture(scope="module")

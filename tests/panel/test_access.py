@@ -11,8 +11,8 @@ from socket import create_connection
 from time import monotonic
 
 import pytest
-from support.panel import ServedPanel, Visitor
-from support.played_campaign import RECORDING
+from support.panel.played_campaign import RECORDING
+from support.panel.served import ServedPanel, Visitor
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from rigd.model.errors import ConfigError

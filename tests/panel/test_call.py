@@ -6,9 +6,9 @@ import re
 
 import pytest
 from playwright.sync_api import Page, expect
-from support.browser import Watched
-from support.page import press, state, turn_to, wait_until
-from support.panel import ServedPanel
+from support.panel.browser import Watched
+from support.panel.page import press, state, turn_to, wait_until
+from support.panel.served import ServedPanel
 
 #: Counts the tones that the page plays.
 COUNT = """

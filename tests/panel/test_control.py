@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.panel import ServedPanel, Visitor
-from support.played_rig import PlayedRig
+from support.panel.played_rig import PlayedRig
+from support.panel.served import ServedPanel, Visitor
 
 from rigd.panel.login.session_store import SessionStore
 from rigd.remote.client.lease import renewing

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import pytest
 from playwright.sync_api import expect
-from support.browser import Watched
-from support.page import press, running, turn_to
-from support.panel import ServedPanel
-from support.played_bodies import STREAMS, BodiesRig
-from support.played_campaign import dry_run
-from support.played_rig import PlayedRig
+from support.panel.browser import Watched
+from support.panel.page import press, running, turn_to
+from support.panel.played_bodies import STREAMS, BodiesRig
+from support.panel.played_campaign import dry_run
+from support.panel.played_rig import PlayedRig
+from support.panel.served import ServedPanel
 
 from rigd.remote.protocol import Requester
 from rigd.remote.protocol.arguments import NoArguments

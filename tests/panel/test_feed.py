@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 from starlette.websockets import WebSocket
-from support.panel import ServedPanel
-from support.played_campaign import STREAMS
-from support.played_rig import EVENTS_OF_ANSWER, PlayedRig
+from support.panel.played_campaign import STREAMS
+from support.panel.played_rig import EVENTS_OF_ANSWER, PlayedRig
+from support.panel.served import ServedPanel
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
@@ -174,7 +174,7 @@ def test_pages_of_one_session_are_bounded(panel: ServedPanel) -> None:
 def test_malformed_frame_does_not_disturb_pages(
     panel: ServedPanel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from support import played_rig
+    from support.panel import played_rig
 
     monkeypatch.setattr(played_rig, "encode_frame", lambda frame: b"RGF1 nonsense")
     with panel.visitor().page() as page:

@@ -9,8 +9,8 @@ import random
 from collections.abc import Iterator
 
 import pytest
-from support.panel import ServedPanel, Visitor
-from support.wild import DOORS, in_control, let_a_flood_through, send_wild
+from support.panel.served import ServedPanel, Visitor
+from support.panel.wild import DOORS, in_control, let_a_flood_through, send_wild
 
 COUNT = 250
 

@@ -7,9 +7,9 @@ import json
 import threading
 import time
 
-from support.panel import ServedPanel
-from support.played_rig import PlayedRig
-from support.served_rig import ARGUMENTS
+from support.daemon.served_rig import ARGUMENTS
+from support.panel.played_rig import PlayedRig
+from support.panel.served import ServedPanel
 
 from rigd.remote.protocol import Message, Requester, Verb
 from rigd.remote.server import still_connected

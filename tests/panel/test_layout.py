@@ -6,10 +6,10 @@ import re
 from itertools import pairwise, product
 
 from playwright.sync_api import Browser, FloatRect, Locator, Page, expect
-from support.browser import Watched
-from support.page import BROKEN, DRAWN, in_control, press, running, state, turn_to
-from support.panel import ServedPanel
-from support.played_rig import PlayedRig
+from support.panel.browser import Watched
+from support.panel.page import BROKEN, DRAWN, in_control, press, running, state, turn_to
+from support.panel.played_rig import PlayedRig
+from support.panel.served import ServedPanel
 
 from rigd.remote.protocol.status import PromptView
 

@@ -7,12 +7,12 @@ import time
 
 import pytest
 from playwright.sync_api import Browser, Page, Route, expect
-from support.browser import Watched
-from support.page import given, in_control, press, running, state, turn_to, wait_until
-from support.panel import ServedPanel
-from support.played_campaign import TRIP, run_line
-from support.played_rig import PlayedRig
-from support.stalls import witnessed
+from support.faults.stalls import witnessed
+from support.panel.browser import Watched
+from support.panel.page import given, in_control, press, running, state, turn_to, wait_until
+from support.panel.played_campaign import TRIP, run_line
+from support.panel.played_rig import PlayedRig
+from support.panel.served import ServedPanel
 
 from rigd.remote.protocol.results import StatedView
 from rigd.remote.protocol.status import Interrupted

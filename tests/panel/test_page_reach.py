@@ -7,9 +7,9 @@ from itertools import product
 
 import pytest
 from playwright.sync_api import expect
-from support.browser import Watched
-from support.page import DRAWN, running, turn_to
-from support.panel import ServedPanel
+from support.panel.browser import Watched
+from support.panel.page import DRAWN, running, turn_to
+from support.panel.served import ServedPanel
 
 #: Width and height in CSS pixels: a screen, a laptop, a tablet.
 SIZES = [(1440, 900), (1024, 768), (768, 1024)]

@@ -7,9 +7,9 @@ import re
 from functools import partial
 
 from playwright.sync_api import APIResponse, Browser, Route, WebSocketRoute, expect
-from support.browser import Watched
-from support.page import given, press, running, state, turn_to, wait_until
-from support.panel import ServedPanel
+from support.panel.browser import Watched
+from support.panel.page import given, press, running, state, turn_to, wait_until
+from support.panel.served import ServedPanel
 
 
 def test_page_cut_off_shows_it_and_recovers(panel: ServedPanel, watched: Watched) -> None:

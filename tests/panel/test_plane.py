@@ -8,10 +8,10 @@ from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
-from support.browser import Watched
-from support.page import DRAWN, running, wait_until
-from support.panel import ServedPanel
-from support.played_bodies import RADIUS_M, STANDS, BodiesRig
+from support.panel.browser import Watched
+from support.panel.page import DRAWN, running, wait_until
+from support.panel.played_bodies import RADIUS_M, STANDS, BodiesRig
+from support.panel.served import ServedPanel
 
 #: What is drawn in the colour of a trace: the box around it and how many pixels, in CSS pixels.
 DRAWN_IN = """(canvas, name) => {

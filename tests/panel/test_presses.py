@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
-from support.browser import Watched
-from support.page import (
+from support.panel.browser import Watched
+from support.panel.page import (
     DRAWN,
     LOOK_MS,
     SETTLE_MS,
@@ -26,9 +26,9 @@ from support.page import (
     turn_to,
     wait_until,
 )
-from support.panel import ServedPanel
-from support.played_campaign import TRIP
-from support.played_rig import PlayedRig
+from support.panel.played_campaign import TRIP
+from support.panel.played_rig import PlayedRig
+from support.panel.served import ServedPanel
 
 from rigd.remote.protocol.status import Interrupted, PromptView
 

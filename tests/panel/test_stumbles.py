@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
-from support import played_rig
-from support.browser import Watched
-from support.page import (
+from support.panel import played_rig
+from support.panel.browser import Watched
+from support.panel.page import (
     BROKEN,
     DRAWN,
     given,
@@ -22,9 +22,9 @@ from support.page import (
     turn_to,
     wait_until,
 )
-from support.panel import ServedPanel
-from support.played_campaign import LISTED, TRIP, run_line
-from support.played_rig import PlayedRig
+from support.panel.played_campaign import LISTED, TRIP, run_line
+from support.panel.played_rig import PlayedRig
+from support.panel.served import ServedPanel
 
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.status import CertificateView, Interrupted

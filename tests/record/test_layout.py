@@ -13,7 +13,7 @@ import pytest
 from foxglove.layouts import PlotConfig, PlotSeries, StateTransitionsConfig, StateTransitionsSeries
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
-from support.shipped_runs import Pair, play
+from support.recordings.shipped_runs import Pair, play
 
 from rigd.cli.main import main
 from rigd.config.loader import load_rig

@@ -18,7 +18,7 @@ from mcap.writer import Writer
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.rosbag2.enums import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
-from support.odd_mcap import messages_in
+from support.recordings.odd_mcap import messages_in
 
 from rigd.cli.main import main
 from rigd.model import RecordingError

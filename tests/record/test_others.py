@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.cases import some
-from support.odd_mcap import VALID, Content, content_of, messages_in
+from support.recordings.odd_mcap import VALID, Content, content_of, messages_in
 
 from rigd.model import RecordingError, Stream
 from rigd.record import Recording, RecordingWriter, recover, verify

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.served_rig import Served, free_port, serve
+from support.daemon.served_rig import Served, free_port, serve
 
 from rigd.config.remote import RemoteSetup
 from rigd.remote.tls import SERVER, files_of, setup_tls

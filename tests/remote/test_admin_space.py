@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from support.served_rig import Served
-from support.zenoh_client import ZenohClient
+from support.daemon.served_rig import Served
+from support.daemon.zenoh_client import ZenohClient
 
 #: Where zenoh shows sessions, links, keys and its configuration: of all, or of the one named.
 KEYS = ("@/**", "@/*/peer/**", "@/*/session/**", "@/{zid}/**", "@/{zid}/session/**",

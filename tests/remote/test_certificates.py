@@ -12,7 +12,7 @@ from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from support.served_rig import free_port, serve
+from support.daemon.served_rig import free_port, serve
 
 from rigd.config.remote import RemoteSetup, TlsFiles
 from rigd.model import ConfigError, LinkError

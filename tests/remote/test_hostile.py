@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
-from support.served_rig import ARGUMENTS, RIG, Served, key, request
-from support.spoilt import spoilt_payloads
-from support.stalls import witnessed
-from support.zenoh_client import ZenohClient
+from support.daemon.served_rig import ARGUMENTS, RIG, Served, key, request
+from support.daemon.zenoh_client import ZenohClient
+from support.faults.spoilt import spoilt_payloads
+from support.faults.stalls import witnessed
 
 from rigd.model import LinkError
 from rigd.remote.protocol import Code, Lane, Refusal

@@ -7,9 +7,9 @@ import time
 from contextlib import suppress
 
 import pytest
-from support.served_rig import Served, key
-from support.served_rig import request as message
-from support.zenoh_client import Refused, ZenohClient, config
+from support.daemon.served_rig import Served, key
+from support.daemon.served_rig import request as message
+from support.daemon.zenoh_client import Refused, ZenohClient, config
 
 from rigd.remote.client.queries import rigs_alive
 from rigd.remote.client.rigs.target import make_target

@@ -6,8 +6,8 @@ import json
 from collections.abc import Iterator
 
 import pytest
-from support.served_rig import RIG, Served, key, request
-from support.zenoh_client import ZenohClient
+from support.daemon.served_rig import RIG, Served, key, request
+from support.daemon.zenoh_client import ZenohClient
 
 from rigd.remote.protocol import Role
 

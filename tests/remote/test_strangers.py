@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.served_rig import Served, free_port, key, request, serve
-from support.zenoh_client import Refused, ZenohClient, config
+from support.daemon.served_rig import Served, free_port, key, request, serve
+from support.daemon.zenoh_client import Refused, ZenohClient, config
 
 from rigd.config.remote import RemoteSetup
 from rigd.remote.tls import SERVER, files_of, setup_tls

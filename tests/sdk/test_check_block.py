@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-from support.memory_wire import Wire, assert_found, each_mistake
-from support.mutants.kinds import KINDS
+from sdk.mutants.known.kinds import KINDS
+from support.instruments.memory_wire import Wire, assert_found, each_mistake
 
 from rigd.sdk import Block, BlockDriver, Channel, Declaration, DeviceError, DriverConfig, LinkError
 from rigd.sdk.check import Peer, SentReading, check_driver, examine_driver

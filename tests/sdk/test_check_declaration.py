@@ -14,8 +14,8 @@ from typing import Annotated, Any, ClassVar
 
 import pytest
 from pydantic import ConfigDict
-from support.memory_motor import Good, MotorConfig, MotorRow, MotorWire, WireLink, motor
-from support.memory_wire import assert_found, each_mistake
+from support.instruments.memory_motor import Good, MotorConfig, MotorRow, MotorWire, WireLink, motor
+from support.instruments.memory_wire import assert_found, each_mistake
 
 from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In, LinkError, Row
 from rigd.sdk.check import NonConforming, Peer, check_driver, examine_driver

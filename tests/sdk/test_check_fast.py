@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import pytest
-from support.memory_motor import Good, MotorConfig, MotorRow, MotorWire, WireLink, motor
-from support.memory_wire import assert_found, each_mistake
+from support.instruments.memory_motor import Good, MotorConfig, MotorRow, MotorWire, WireLink, motor
+from support.instruments.memory_wire import assert_found, each_mistake
 
 from rigd.sdk import Declaration, Driver, LinkError, Row
 from rigd.sdk.check import Peer, SentReading, check_driver, examine_driver

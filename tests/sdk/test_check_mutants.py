@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from sdk.mutants.fresh.kinds import AUTHORS
+from sdk.mutants.known import Mutant, made, texts
+from sdk.mutants.known.kinds import KINDS
 from support.cases import some
-from support.fresh_mutants.kinds import AUTHORS
-from support.memory_motor import Good, motor
-from support.mutants import Mutant, made, texts
-from support.mutants.kinds import KINDS
+from support.instruments.memory_motor import Good, motor
 from support.written_drivers import KINDS as WRITTEN
 
 from rigd.sdk.check import Observed, Peer, examine_driver

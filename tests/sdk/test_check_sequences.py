@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import count
 
 import pytest
-from support.memory_motor import Good, motor
+from support.instruments.memory_motor import Good, motor
 
 from rigd.model.errors import LinkError, ProtocolError
 from rigd.sdk.check import examine_driver

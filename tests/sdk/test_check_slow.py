@@ -14,8 +14,8 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import pytest
-from support.memory_wire import Wire, assert_found, each_mistake
-from support.mutants.kinds import KINDS
+from sdk.mutants.known.kinds import KINDS
+from support.instruments.memory_wire import Wire, assert_found, each_mistake
 
 from rigd.sdk import (
     Channel,

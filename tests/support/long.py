@@ -421,26 +421,28 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
     },
     "another fault, signal or kill of a rig in real time": {
-        "drivers/lines/test_conformance.py": ("test_it_keeps_what_a_slow_driver_promises[False",),
-        "drivers/lines/test_driver.py": (
+        "drivers/instruments/lines/test_conformance.py": (
+            "test_it_keeps_what_a_slow_driver_promises[False",
+        ),
+        "drivers/instruments/lines/test_driver.py": (
             "test_damaged_line_never_becomes_a_number[garbage-False]",
             "test_damaged_line_never_becomes_a_number[merged",
             "test_damaged_line_never_becomes_a_number[nul",
             "test_lasting_fault_ends_with_its_cause[comma",
             "test_lasting_fault_ends_with_its_cause[unplug",
         ),
-        "drivers/test_card_conformance.py": (
+        "drivers/cards/test_card_conformance.py": (
             "test_it_conforms[lateral_belt]",
             "test_it_conforms[wheel_encoder]",
             "test_it_conforms[wheel_servo]",
         ),
-        "drivers/pymeasure_bridge/test_config.py": (
+        "drivers/instruments/pymeasure_bridge/test_config.py": (
             "test_wrong_description_is_refused[options1",
             "test_wrong_description_is_refused[options2",
         ),
-        "drivers/canopen/test_sheet.py": ("test_a_spoilt_file_is_read_or_refused",),
+        "drivers/can/test_sheet.py": ("test_a_spoilt_file_is_read_or_refused",),
         "analysis/report/test_tracks.py": ("test_report_shows_only_ways_in_the_plane",),
-        "drivers/pymeasure_bridge/test_driver.py": (
+        "drivers/instruments/pymeasure_bridge/test_driver.py": (
             "test_it_keeps_what_a_slow_driver_promises",
             "test_meter_that_does_not_fit_is_named[1,2",
             "test_meter_that_does_not_fit_is_named[1.0-options2",
@@ -456,11 +458,11 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_end_lets_a_slow_safe_finish",
             "test_refused_opening_undoes_start",
         ),
-        "drivers/labjack/test_conformance.py": (),
-        "drivers/labjack/test_link.py": ("test_open_wire_of_the_watchdog_is_named",),
-        "drivers/ni_io/test_conformance.py": (),
-        "drivers/ni_io/test_pulses.py": ("test_it_conforms",),
-        "drivers/test_ni_daq.py": ("test_crystals_drift_is_seen_against_machines_clock",),
+        "drivers/cards/labjack/test_conformance.py": (),
+        "drivers/cards/labjack/test_link.py": ("test_open_wire_of_the_watchdog_is_named",),
+        "drivers/cards/ni_io/test_conformance.py": (),
+        "drivers/cards/ni_io/test_pulses.py": ("test_it_conforms",),
+        "drivers/cards/test_ni_daq.py": ("test_crystals_drift_is_seen_against_machines_clock",),
         "engine/recorder/test_recorder.py": ("test_repeatedly_killed_recorder_loses_nothing",),
         "engine/slow/test_latest.py": ("test_no_row_is_ever_torn",),
         "engine/slow/test_ni_in_helper.py": (
@@ -576,7 +578,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     },
     "another case of what `make test` shows with one": {
         "daemon/test_resumed_simulation.py": ("test_resumed_run_equals_uninterrupted_one[angle]",),
-        "drivers/canopen/test_conformance.py": (
+        "drivers/can/test_conformance.py": (
             "test_can_drivers_work_as_drivers_do[RotaryServo",
             "test_can_drivers_work_as_drivers_do[SpeedServo",
         ),
@@ -642,7 +644,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_stop_ends_a_waiting_prompt",
         ),
         "daemon/test_forms.py": ("test_time_stamps_are_wall_time_despite_long_preparation[0]",),
-        "drivers/ni_relay/test_ni_relay.py": (
+        "drivers/cards/ni_relay/test_ni_relay.py": (
             "test_next_client_clears_what_killed_one_left",
             "test_relay_of_running_client_is_refused",
         ),

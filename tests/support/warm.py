@@ -4,7 +4,7 @@ Most of what a short command costs is its imports. What they are, and that each 
 own, is tested by processes of their own: by tests/cli/test_main.py, by some of the documents, and
 by what is started and not run to its end: `rigd serve`, runs to be watched or killed, `rigd sim` in
 tests/sim/lugre/test_wire.py. Simulations behind other tests, and commands on a terminal of
-their own (:mod:`support.terminal`), begin here.
+their own (:mod:`support.commands.terminal`), begin here.
 The processes that a run itself starts are never shared. All workers of a suite ask one process,
 which imports rigd when the first of them asks. A command ends without destroying these modules,
 which would cost more than most commands do.

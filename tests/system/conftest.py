@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from support.terminal import Terminal
+from support.commands.terminal import Terminal
 
 
 @pytest.fixture

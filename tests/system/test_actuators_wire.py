@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.campaign import Campaign, Outcome, verdict
-from support.command import rigd
-from support.fault_rigs import RIGS, SUPPLYING, lines_rig
-from support.fault_table import Case
-from support.killing import kill_cycle
-from support.stalls import longest_stall
+from support.commands.command import rigd
+from support.faults.campaign import Campaign, Outcome, verdict
+from support.faults.killing import kill_cycle
+from support.faults.rigs import RIGS, SUPPLYING, lines_rig
+from support.faults.stalls import longest_stall
+from support.faults.table import Case
 from support.wire import WireRig
 
 from rigd.model.errors import Exit

@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.command import rigd
-from support.killing import DRIVING, Killed, Victim, bound_s, own_state
-from support.stalls import witnessed
-from support.stopping import STOP_M, Drive, angle_rig, drive_to_stops, write_procedure
+from support.commands.command import rigd
+from support.faults.killing import DRIVING, Killed, Victim, bound_s, own_state
+from support.faults.stalls import witnessed
+from support.faults.stopping import STOP_M, Drive, angle_rig, drive_to_stops, write_procedure
 from support.wire import WireRig
 
 from rigd.record import Recording

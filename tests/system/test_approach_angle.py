@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.command import Ended, rigd
-from support.terminal import Terminal
+from support.commands.command import Ended, rigd
+from support.commands.terminal import Terminal
 
 from rigd.record import Event, Recording
 from rigd.sdk.shipped_files import shipped_folder

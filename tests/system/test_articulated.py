@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.command import Ended, rigd
+from support.commands.command import Ended, rigd
 
 import rigd as library
 

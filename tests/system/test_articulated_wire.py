@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.command import Ended, rigd
-from support.fault_rigs import ROLLING
-from support.killing import bound_s, kill_cycle
+from support.commands.command import Ended, rigd
+from support.faults.killing import bound_s, kill_cycle
+from support.faults.rigs import ROLLING
 from support.wire import ROBOT, WireRig, wire_rig
 
 import rigd as library

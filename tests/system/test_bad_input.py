@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 from rigd.cli.rig.check import _kind
 

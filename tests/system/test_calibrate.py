@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
-from support.command import Ended, rigd
-from support.terminal import Terminal
+from support.commands.command import Ended, rigd
+from support.commands.terminal import Terminal
 
 from rigd.config.calibration.calibration import load_calibration, parse_calibration
 from rigd.record import Recording

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.fault_rigs import sensors_rig
-from support.foreign_can import foreign_traffic
+from support.can.foreign import foreign_traffic
+from support.faults.rigs import sensors_rig
 from support.wire import WireRig
 
 from rigd.config.loader import load_rig

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.command import rigd
-from support.stalls import witnessed
+from support.commands.command import rigd
+from support.faults.stalls import witnessed
 
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.command import rigd
-from support.daemon import Daemon, listening, until_gone
-from support.killing import QUARTER, gaps, own_state
-from support.stalls import witnessed
+from support.commands.command import rigd
+from support.daemon.process import Daemon, listening, until_gone
+from support.faults.killing import QUARTER, gaps, own_state
+from support.faults.stalls import witnessed
 from support.wire import WireRig, free_ports, wire_rig
 
 from rigd.model.errors import Exit

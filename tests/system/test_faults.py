@@ -13,13 +13,13 @@ from inspect import isabstract
 from pathlib import Path
 
 import pytest
-from support.campaign import MARKED as MARKED_ROWS
-from support.campaign import Campaign, Outcome, cause_in, verdict
-from support.command import rigd
-from support.fault_rigs import RIGS, FaultRig, every_case
-from support.fault_table import SECOND, Case, Must, cases
-from support.killing import QUARTER, own_state
-from support.stalls import longest_stall
+from support.commands.command import rigd
+from support.faults.campaign import MARKED as MARKED_ROWS
+from support.faults.campaign import Campaign, Outcome, cause_in, verdict
+from support.faults.killing import QUARTER, own_state
+from support.faults.rigs import RIGS, FaultRig, every_case
+from support.faults.stalls import longest_stall
+from support.faults.table import SECOND, Case, Must, cases
 from support.wire import WireRig, all_parts, wire_rig
 
 from rigd.config.loader import load_rig

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 from rigd.model.errors import Exit
 

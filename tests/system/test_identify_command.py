@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 TRUTH: dict[str, dict[str, float]] = {
     "stone": {"V_s": 1.9643, "mu_c": 0.12, "mu_s": 0.1205, "sigma_0": 11.451, "sigma_1": 0.0809,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 SHIPPED = Path(__file__).parents[2] / "procedures/lateral_sweep.yaml"
 SPEEDS = "lateral_speed: [0.2 m/s, 0.35 m/s, 0.5 m/s, 0.65 m/s]"

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.blocks import alive
+from support.faults.killing import END_S, QUARTER, Victim, own_state
 from support.fmu import build
-from support.killing import END_S, QUARTER, Victim, own_state
+from support.recordings.blocks import alive
 from support.wire import WireRig, wire_rig
 
 from rigd.record import Recording

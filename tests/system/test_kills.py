@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.killing import (
+from support.faults.killing import (
     CAPTURING,
     HELD,
     HELD_S,
@@ -30,7 +30,7 @@ from support.killing import (
     captured,
     own_state,
 )
-from support.stalls import witnessed
+from support.faults.stalls import witnessed
 from support.wire import WireRig, wire_rig
 
 from rigd.record import Recording

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 from support import warm
-from support.command import rigd
-from support.terminal import Terminal
+from support.commands.command import rigd
+from support.commands.terminal import Terminal
 
 from rigd.record import Recording
 

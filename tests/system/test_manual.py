@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.command import Ended, rigd, start
+from support.commands.command import Ended, rigd, start
 from support.wire import WireRig, wire_rig, write_rig
 
 from rigd.config.loader import channel_names, load_rig

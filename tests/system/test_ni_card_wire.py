@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.command import rigd
-from support.fault_rigs import NI_SHAKING
-from support.killing import Victim, bound_s, own_state
-from support.stalls import witnessed
+from support.commands.command import rigd
+from support.faults.killing import Victim, bound_s, own_state
+from support.faults.rigs import NI_SHAKING
+from support.faults.stalls import witnessed
 from support.wire import NI, WireRig, wire_rig
 
 from rigd.model.errors import Exit

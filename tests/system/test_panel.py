@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
-from support.asking import ASKING
-from support.browser import Watched, chromium
-from support.command import rigd
-from support.killing import own_state
-from support.page import press, state
+from support.commands.asking import ASKING
+from support.commands.command import rigd
+from support.faults.killing import own_state
+from support.panel.browser import Watched, chromium
+from support.panel.page import press, state
 from support.wire import ROOT, free_ports
 
 from rigd.remote import Client

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.command import rigd
-from support.terminal import Terminal
+from support.commands.command import rigd
+from support.commands.terminal import Terminal
 from support.wire import write_rig
 
 from rigd.record import Recording

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from support.command import rigd, start
-from support.supply_2260b import Supply2260B
+from support.commands.command import rigd, start
+from support.instruments.supply_2260b import Supply2260B
 from support.wire import is_free
 
 from rigd.engine.shared import RunFolder, Word

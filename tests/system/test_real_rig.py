@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.command import rigd, start
+from support.commands.command import rigd, start
 from support.wire import write_rig
 
 from rigd.record import Recording

@@ -8,11 +8,11 @@ from itertools import takewhile
 from pathlib import Path
 
 import pytest
-from support.asking import ASKING
-from support.command import rigd, start
-from support.daemon import Daemon
-from support.served_lugre import RIG, served_lugre
-from support.terminal import Terminal
+from support.commands.asking import ASKING
+from support.commands.command import rigd, start
+from support.commands.terminal import Terminal
+from support.daemon.process import Daemon
+from support.daemon.served_lugre import RIG, served_lugre
 
 from rigd.record import Recording
 from rigd.remote import Client

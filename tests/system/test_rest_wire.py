@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from support.command import start
+from support.commands.command import start
 from support.wire import wire_rig
 
 from rigd.record import Recording

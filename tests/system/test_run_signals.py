@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.command import rigd, start
+from support.commands.command import rigd, start
 
 from rigd.record import Recording
 from rigd.sdk.shipped_files import shipped_folder

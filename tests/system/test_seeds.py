@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from support.cases import some
-from support.shipped_runs import Pair, pairs, play, wrong
+from support.recordings.shipped_runs import Pair, pairs, play, wrong
 
 TESTS = Path(__file__).parents[1]
 WHOLE = {

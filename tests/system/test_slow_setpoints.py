@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.command import rigd, start
+from support.commands.command import rigd, start
 from support.wire import OVEN, WireRig, is_free, wire_rig
 
 from rigd.engine.shared import RunFolder, Word

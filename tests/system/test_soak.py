@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from support.soaking import settled, soak, soaked
+from support.faults.soaking import settled, soak, soaked
 
 
 def test_rounds_leave_no_descriptor_and_no_thread(tmp_path: Path) -> None:

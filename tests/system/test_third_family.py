@@ -8,7 +8,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 PENDULUM = Path(__file__).parents[1] / "pendulum"
 #: What the rig file of the pendulum hides from the analysis.

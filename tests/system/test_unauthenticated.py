@@ -10,8 +10,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from support.daemon import Daemon, Refused
-from support.served_rig import free_port
+from support.daemon.process import Daemon, Refused
+from support.daemon.served_rig import free_port
 from support.wire import ROOT
 
 from rigd.record import Recording

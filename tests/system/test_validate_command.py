@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 PROCEDURES = Path(__file__).parents[2] / "procedures"
 #: Of 24 trials, the lightest and the heaviest carriage with two currents.

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.angle_better import analyse_better
-from support.angle_headless import simulate
-from support.angle_plant import varied
-from support.angle_runs import drawn_rig, trial
+from support.approach_angle.corrected_method import analyse_better
+from support.approach_angle.headless import simulate
+from support.approach_angle.plant import varied
+from support.approach_angle.runs import drawn_rig, trial
 
 from rigd_analyses.approach_angle.better.bending import Bending
 from rigd_analyses.approach_angle.better.result import BetterRun

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.angle_runs import (
+from support.approach_angle.runs import (
     LOADS_KG,
     SETS,
     TABLE_1,

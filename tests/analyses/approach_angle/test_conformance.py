@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from support.angle_headless import SimulatedRun, simulate
-from support.angle_recording import calibration_of
-from support.angle_runs import TABLE_1
+from support.approach_angle.headless import SimulatedRun, simulate
+from support.approach_angle.recording import calibration_of
+from support.approach_angle.runs import TABLE_1
 from support.cases import FEW_EVALUATIONS
 
 from rigd.analysis import Evaluation

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from support.angle_runs import SETS, TABLE_1, Trial, campaign, drawn_rig, trial
-from support.angle_truth import WINDOWS, Steady, slip_error, steady
+from support.approach_angle.runs import SETS, TABLE_1, Trial, campaign, drawn_rig, trial
+from support.approach_angle.truth import WINDOWS, Steady, slip_error, steady
 
 from rigd_analyses.approach_angle.paper import PaperRun, analyse_paper
 from rigd_analyses.approach_angle.raw.run_data import Regime

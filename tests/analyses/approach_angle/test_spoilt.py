@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.random import Generator
-from support.angle_better import analyse_better
-from support.angle_runs import drawn_rig, trial
+from support.approach_angle.corrected_method import analyse_better
+from support.approach_angle.runs import drawn_rig, trial
 
 from rigd_analyses.approach_angle.campaign.campaign import analyse_campaign
 from rigd_analyses.approach_angle.paper import analyse_paper

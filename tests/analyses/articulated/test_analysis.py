@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.articulated_robots import Driven
+from support.articulated.robots import Driven
 from support.cases import FEW_EVALUATIONS
 
 from rigd.analysis import DataError

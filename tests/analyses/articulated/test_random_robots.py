@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.random_robots import NAMES, random_robot
+from support.articulated.random_robots import NAMES, random_robot
 
 from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.articulated_robots import Driven
+from support.articulated.robots import Driven
 
 from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.reading import FINE_STEP_S, RobotTrial, clean, smoothed, steps

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from support.lugre_bench import Bench
+from support.lugre.bench import Bench
 
 
 @pytest.fixture(scope="session")

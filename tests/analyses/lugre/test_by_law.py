@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from support.cases import some
-from support.law_bench import SURFACES, LawBench
-from support.lugre_bench import FLOORS, PAPER_CURRENTS_A, Bench
+from support.lugre.bench import FLOORS, PAPER_CURRENTS_A, Bench
+from support.lugre.law_bench import SURFACES, LawBench
 
 from rigd.analysis import ConfigError, Options
 from rigd.analysis.result import FitOutcome, IdentificationResult, ModelComparison

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_bench import known_rig
+from support.lugre.bench import known_rig
 
 from rigd.analysis.recordings.resample import bridge, means_around
 from rigd.analysis.result import FitOutcome, FloatArray

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.coverage import RIGHT_RATIO, Found, coverage
-from support.random_rigs import FLOORS, random_rig
+from support.lugre.coverage import RIGHT_RATIO, Found, coverage
+from support.lugre.random_rigs import FLOORS, random_rig
 
 from rigd.config.loader import load_rig
 from rigd.procedure.compile import compile_procedure

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.altered import Content
 from support.cases import some
-from support.random_rigs import RandomRig, measured, random_rig
+from support.lugre.random_rigs import RandomRig, measured, random_rig
+from support.recordings.altered import Content
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_model import PVC, SENSOR_ROWS, fitted_constants, saved_model
+from support.lugre.model import PVC, SENSOR_ROWS, fitted_constants, saved_model
 
 from rigd.analysis import ConfigError, DataError
 from rigd.analysis.design.command import DesignRequest, Ground, design

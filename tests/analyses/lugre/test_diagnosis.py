@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from support.cases import some
-from support.lugre_kinds import KINDS
-from support.lugre_wrong import CONSTANT, Program, World, control, right
+from support.lugre.kinds import KINDS
+from support.lugre.wrong import CONSTANT, Program, World, control, right
 
 from rigd.analysis.fitting.model import to_natural
 from rigd.analysis.fitting.whiteness import largest_jump, levels, loudest_band

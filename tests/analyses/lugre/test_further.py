@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 import pytest
-from support.lugre_bench import FLOORS, Bench, known_rig
+from support.lugre.bench import FLOORS, Bench, known_rig
 
 from rigd.analysis.result import FurtherTest, IdentificationResult, Verdict
 from rigd_analyses.lugre.conclusion import identify_output_error

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.random_rigs import measured, random_rig
+from support.lugre.random_rigs import measured, random_rig
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate

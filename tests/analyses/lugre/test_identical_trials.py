@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from support.lugre_wrong import CONSTANT, Program, right
+from support.lugre.wrong import CONSTANT, Program, right
 
 from rigd.analysis import DataError
 from rigd_analyses.lugre.rig.family import fit_group

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_bench import known_rig
+from support.lugre.bench import known_rig
 
 from rigd.analysis import ConfigError, DataError, Options
 from rigd.analysis.evaluation import evaluate

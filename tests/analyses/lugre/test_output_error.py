@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_bench import FLOORS, known_rig
+from support.lugre.bench import FLOORS, known_rig
 
 from rigd.analysis import DataError
 from rigd.analysis.fitting.identifiability import Z_95

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_wrong import BACK, right
+from support.lugre.wrong import BACK, right
 
 from rigd.analysis import DataError
 from rigd_analyses.lugre.rig.parts import sort_out

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from support.lugre_bench import known_rig
+from support.lugre.bench import known_rig
 
 from rigd.model.errors import DataError
 from rigd_analyses.lugre.trials.known_constants import Known

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_sensors import Logger
-from support.lugre_wrong import BACK, CONSTANT, World, control, right
+from support.lugre.sensors import Logger
+from support.lugre.wrong import BACK, CONSTANT, World, control, right
 
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.slip_force.identify import Settings

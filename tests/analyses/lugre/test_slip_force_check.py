@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.lugre_wrong import World, right
+from support.lugre.wrong import World, right
 
 from rigd.analysis.result import FitOutcome, Gate, IdentificationResult, ResidualTest, Verdict
 from rigd_analyses.lugre.rig.family import RigFit, fit_group

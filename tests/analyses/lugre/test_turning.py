@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_bench import known_rig
+from support.lugre.bench import known_rig
 
 from rigd.analysis.output_error.whitened_residuals import noise_at
 from rigd_analyses.lugre.rig.deviations import may_turn

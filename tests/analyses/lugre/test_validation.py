@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.cases import some
-from support.lugre_bench import Floor, known_rig
+from support.lugre.bench import Floor, known_rig
 
 from rigd.analysis.result import FloatArray, TrialRejection
 from rigd.analysis.validation.result import GroupValidation, ModelOutcome, pooled

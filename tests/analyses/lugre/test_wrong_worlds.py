@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from support.cases import some
-from support.lugre_kinds import KINDS
-from support.lugre_sensors import Sensor
-from support.lugre_wrong import GUIDE, World, control, right
+from support.lugre.kinds import KINDS
+from support.lugre.sensors import Sensor
+from support.lugre.wrong import GUIDE, World, control, right
 
 from rigd_analyses.lugre.trials.trial import LugreTrial
 

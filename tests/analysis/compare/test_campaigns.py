@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import pytest
-from support.comparing import CHANGE, Try, tries
+from support.recordings.comparing import CHANGE, Try, tries
 
 
 @pytest.fixture(scope="module")

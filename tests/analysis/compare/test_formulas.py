@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.altered import Content
+from support.recordings.altered import Content
 
 from rigd.analysis import Options
 from rigd.analysis.api import identify

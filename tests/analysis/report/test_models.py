@@ -8,7 +8,7 @@ from html import unescape
 
 import numpy as np
 import pytest
-from support.markup import outline
+from support.panel.markup import outline
 
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.report import Provenance, ReportSection

@@ -7,7 +7,7 @@ from html import escape, unescape
 
 import matplotlib as mpl
 import pytest
-from support.markup import outline
+from support.panel.markup import outline
 
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.report import (

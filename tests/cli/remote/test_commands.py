@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
-from support.command import Ended, rigd, start
-from support.played_campaign import FILE, RECORDING, REPORT, RUN_PAGE, TEXT, TRIP, WEIGH
-from support.played_rig import LEASE_S, RUN, WAITS, PlayedRig
-from support.served_rig import Served, free_port, serve
+from support.commands.command import Ended, rigd, start
+from support.daemon.served_rig import Served, free_port, serve
+from support.panel.played_campaign import FILE, RECORDING, REPORT, RUN_PAGE, TEXT, TRIP, WEIGH
+from support.panel.played_rig import LEASE_S, RUN, WAITS, PlayedRig
 
 from rigd.cli.remote.rigs import show_rigs
 from rigd.config.remote import RemoteSetup

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from support.command import start
-from support.played_campaign import WEIGH
-from support.played_rig import RUN
-from support.served_rig import Served, serve
-from support.terminal import Terminal
+from support.commands.command import start
+from support.commands.terminal import Terminal
+from support.daemon.served_rig import Served, serve
+from support.panel.played_campaign import WEIGH
+from support.panel.played_rig import RUN
 
 from rigd.remote.protocol import ClientUser
 

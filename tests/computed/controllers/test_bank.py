@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.held import OUTPUT, PERIOD_NS, TARGET, Held, config
+from support.engine.held import OUTPUT, PERIOD_NS, TARGET, Held, config
 
 from rigd.computed.controllers.chain import acting, sequence
 from rigd.model.limits import SetpointLimit

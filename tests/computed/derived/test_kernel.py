@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
-from support.formula_draws import DrawnChannel, channels, formulas
-from support.formula_reference import Part
+from support.engine.formula_draws import DrawnChannel, channels, formulas
+from support.engine.formula_reference import Part
 
 from rigd.computed.derived.driver import DerivedConfig
 from rigd.computed.derived.evaluator import Evaluator

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.live import PATIENCE_S, START_NS, Kept, folder_of, prepared, writer
-from support.ring_writer import STEP_NS, numbered
+from support.daemon.live import PATIENCE_S, START_NS, Kept, folder_of, prepared, writer
+from support.daemon.ring_writer import STEP_NS, numbered
 
 from rigd.config.loader import load_rig
 from rigd.daemon.live import Feed

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.live import START_NS
-from support.ring_writer import numbered
-from support.stalls import witnessed
+from support.daemon.live import START_NS
+from support.daemon.ring_writer import numbered
+from support.faults.stalls import witnessed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 

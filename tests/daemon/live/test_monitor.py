@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.live import PATIENCE_S, Kept
+from support.daemon.live import PATIENCE_S, Kept
 
 from rigd.config.loader import load_rig
 from rigd.daemon.live import Feed, Monitor

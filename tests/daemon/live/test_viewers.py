@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.live import PATIENCE_S, START_NS, prepared, writer
-from support.ring_writer import STEP_NS, numbered
+from support.daemon.live import PATIENCE_S, START_NS, prepared, writer
+from support.daemon.ring_writer import STEP_NS, numbered
 
 from rigd.engine.shared import EventView, RowRing, View
 from rigd.model import Channel, Stream

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.served_axis import ASKING, LONG, SWEEP, ServedAxis, travelling
+from support.daemon.served_axis import ASKING, LONG, SWEEP, ServedAxis, travelling
 
 from rigd.remote.protocol import ClientUser, Code, Refusal
 from rigd.remote.protocol.limits import LEASE_S

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.served_axis import LONG, SWEEP, ServedAxis, travelling
+from support.daemon.served_axis import LONG, SWEEP, ServedAxis, travelling
 
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.engine.shared import RunFolder

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 import pytest
-from support import file_axis
-from support.served_axis import SWEEP, travelling
+from support.daemon import file_axis
+from support.daemon.served_axis import SWEEP, travelling
 
 from rigd.config.loader import load_rig
 from rigd.daemon.serve.library import Library

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
-from support import file_axis
-from support.file_axis import word
-from support.served_axis import ASKING, LONG, SWEEP, ServedAxis, travelling
+from support.daemon import file_axis
+from support.daemon.file_axis import word
+from support.daemon.served_axis import ASKING, LONG, SWEEP, ServedAxis, travelling
 
 from rigd.config.calibration.calibration import CalibrationSetup, load_calibration
 from rigd.engine.shared import RunFolder

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.served_axis import LONG, SWEEP, ServedAxis, travelling
+from support.daemon.served_axis import LONG, SWEEP, ServedAxis, travelling
 
 from rigd.daemon.resume import read_resume_point
 from rigd.daemon.serve import steering

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.blocks import alive
+from support.recordings.blocks import alive
 
 from rigd.daemon.serve.upkeep import supervised_process as module
 from rigd.daemon.serve.upkeep.notices import Notices

@@ -7,8 +7,8 @@ import random
 from pathlib import Path
 from typing import Any
 
-from support.served_axis import SWEEP, ServedAxis, travelling
-from support.served_rig import request
+from support.daemon.served_axis import SWEEP, ServedAxis, travelling
+from support.daemon.served_rig import request
 
 from rigd.config.remote import RemoteSetup
 from rigd.remote.protocol import VERBS, ClientUser, Code, Keys, Kind, Lane, Verb

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.modbus_bench import Bench, Physics, ServoBench, TransmitterBench
-from support.served import served
+from support.cards.served import served
+from support.instruments.modbus_bench import Bench, Physics, ServoBench, TransmitterBench
 
 from rigd_sim.wire.modbus.line import Line, SerialLine, TcpLine
 from rigd_sim.wire.modbus.servo import SimModbusServo

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
-from support.modbus_bench import Bench, Physics
-from support.served import served
+from support.cards.served import served
+from support.instruments.modbus_bench import Bench, Physics
 
 from rigd.sdk.check import Observed, Peer, check_driver
 from rigd_drivers.modbus.servo import ModbusServo

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from modbus_tk import defines, modbus_rtu
 from pyModbusTCP.server import DataBank, ModbusServer
-from support.pty_port import PtyPort
+from support.instruments.pty_port import PtyPort
 from support.wire import free_ports
 
 from rigd.config.loader import parse_rig

@@ -17,7 +17,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusIOException
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
-from support.modbus_bench import PATIENCE_S, ServoBench, TransmitterBench, rows_of
+from support.instruments.modbus_bench import PATIENCE_S, ServoBench, TransmitterBench, rows_of
 
 from rigd_drivers.modbus.transmitter import ModbusTransmitter, TransmitterConfig
 from rigd_sim.wire.modbus.line import SerialLine, TcpLine

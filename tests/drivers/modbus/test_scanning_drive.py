@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 import pytest
-from support.modbus_bench import cycle, rows_of
-from support.scanned_drive import ScannedDrive
+from support.cards.scanned_drive import ScannedDrive
+from support.instruments.modbus_bench import cycle, rows_of
 
 from rigd_drivers.modbus.servo import ModbusServo, ServoConfig
 

@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 from support.descriptors import beyond_select
-from support.modbus_bench import ServoBench, cycle, rows_of, status
-from support.name_server import lose_name_server
-from support.stalls import standing_still, witnessed
+from support.faults.stalls import standing_still, witnessed
+from support.instruments.modbus_bench import ServoBench, cycle, rows_of, status
+from support.instruments.name_server import lose_name_server
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.modbus.client import Client

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from support.modbus_bench import Physics, TransmitterBench, cycle, rows_of, status
-from support.stalls import witnessed
+from support.faults.stalls import witnessed
+from support.instruments.modbus_bench import Physics, TransmitterBench, cycle, rows_of, status
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.modbus.framing import Trouble

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.numbered import CAPACITIES, START_NS, STREAMS
+from support.engine.numbered import CAPACITIES, START_NS, STREAMS
 
 from rigd.engine.shared import Job, RunFolder
 from rigd.record import Attachment

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.numbered import CAPACITIES, START_NS, STREAMS, check_numbered, own_events
+from support.engine.numbered import CAPACITIES, START_NS, STREAMS, check_numbered, own_events
 
 from rigd.engine.recorder import drain_leftovers
 from rigd.engine.recorder.transfer import Transfer

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
-from support.command import rigd
-from support.numbered import START_NS, check_numbered, own_events
+from support.commands.command import rigd
+from support.engine.numbered import START_NS, check_numbered, own_events
 
 from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
 from rigd.engine.shared import Job, Phase, RecorderState, RunFolder, Word

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.blocks import TESTS
+from support.recordings.blocks import TESTS
 
 from rigd.config.rig import DeviceConfig
 from rigd.engine.shared.rowring import RowRing

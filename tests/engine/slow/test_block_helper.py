@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.blocks import Counter, CounterConfig, alive, device_of, until
 from support.descriptors import beyond_select
+from support.recordings.blocks import Counter, CounterConfig, alive, device_of, until
 
 from rigd.model.errors import DeviceError, LinkError
 
@@ -199,7 +199,7 @@ def test_sigterm_closes_the_block_device(placed: Placed) -> None:
 _DAEMON = """
 import sys, threading
 from pathlib import Path
-from support.blocks import Counter, CounterConfig, device_of
+from support.recordings.blocks import Counter, CounterConfig, device_of
 from rigd.engine.slow.block_helper import BlockHelper
 folder, lock_fd, fault = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
 device = device_of("daq", Counter, CounterConfig(fault=fault))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from support.blocks import until
+from support.recordings.blocks import until
 
 from rigd.engine.slow.devices import SlowDevices
 from rigd.engine.slow.table import LatestTable

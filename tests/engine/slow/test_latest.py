@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.blocks import Counter, CounterConfig, device_of, until
+from support.recordings.blocks import Counter, CounterConfig, device_of, until
 
 from rigd.engine.play.windows import Windows
 from rigd.engine.shared import RowRing

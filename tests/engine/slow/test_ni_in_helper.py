@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from support.blocks import device_of, until
-from support.served import OnLoop, served
+from support.cards.served import OnLoop, served
+from support.recordings.blocks import device_of, until
 
 from rigd.config.rig import DeviceConfig
 from rigd.engine.slow.stand_ins import LatestRowProxy

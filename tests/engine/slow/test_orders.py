@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from support.blocks import until
+from support.recordings.blocks import until
 
 from rigd.config.rig import DeviceConfig
 from rigd.engine.slow import devices as slow

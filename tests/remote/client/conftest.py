@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from support.served_rig import Served, serve
+from support.daemon.served_rig import Served, serve
 
 
 @pytest.fixture

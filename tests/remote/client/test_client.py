@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import get_type_hints
 
 import pytest
-from support.played_campaign import FILE, RECORDING, REPORT, TEXT, TRIP, WEIGH, past
-from support.played_rig import EVENTS_OF_ANSWER
-from support.served_rig import Served
+from support.daemon.served_rig import Served
+from support.panel.played_campaign import FILE, RECORDING, REPORT, TEXT, TRIP, WEIGH, past
+from support.panel.played_rig import EVENTS_OF_ANSWER
 
 from rigd.model.errors import ConfigError, LinkError
 from rigd.remote import AsyncClient, Client

@@ -15,7 +15,7 @@ from types import FrameType
 from typing import Any
 
 import pytest
-from support.served_rig import serve
+from support.daemon.served_rig import serve
 
 from rigd.remote import Client
 

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from support.played_rig import PlayedRig
-from support.served_rig import free_port, serve
+from support.daemon.served_rig import free_port, serve
+from support.panel.played_rig import PlayedRig
 
 from rigd.config.remote import RemoteSetup
 from rigd.model.errors import LinkError
@@ -28,7 +28,7 @@ from rigd.remote.tls import SERVER, files_of, setup_tls
 #: Serves a rig in a process of its own, which can be killed and frozen; a dry run takes for ever.
 SERVE = """
 import sys
-from support.served_rig import serve
+from support.daemon.served_rig import serve
 from rigd.config.remote import RemoteSetup
 with serve(RemoteSetup((sys.argv[1],))) as served, served.rig.hanging("dry_run"):
     print("serving", flush=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import cast
 
 import pytest
-from support.virtual_loop import VirtualLoop, in_virtual_time
+from support.daemon.virtual_loop import VirtualLoop, in_virtual_time
 
 from rigd.model.errors import LinkError, RigdError
 from rigd.remote.client.lease.renewing import renew_until_lost

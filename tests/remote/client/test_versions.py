@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 import zenoh
-from support.served_rig import free_port
+from support.daemon.served_rig import free_port
 
 from rigd.model.errors import ProtocolError
 from rigd.remote import Client

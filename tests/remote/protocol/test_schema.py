@@ -10,8 +10,8 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from support.served_rig import request
-from support.spoilt import spoilt_payloads
+from support.daemon.served_rig import request
+from support.faults.spoilt import spoilt_payloads
 
 from rigd.remote.protocol import VERBS, Kind, Refusal, decode, request_kind
 from rigd.remote.protocol.schema import remote_schema

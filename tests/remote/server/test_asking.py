@@ -6,8 +6,8 @@ import asyncio
 import threading
 import time
 
-from support.played_rig import PlayedRig
-from support.served_rig import key, request, serve
+from support.daemon.served_rig import key, request, serve
+from support.panel.played_rig import PlayedRig
 
 from rigd.remote.client.queries import query
 from rigd.remote.client.rigs.target import make_target

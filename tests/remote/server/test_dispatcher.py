@@ -8,8 +8,8 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
-from support.played_rig import PlayedRig
-from support.served_rig import key, request
+from support.daemon.served_rig import key, request
+from support.panel.played_rig import PlayedRig
 
 from rigd.config.remote import RemoteSetup
 from rigd.remote.protocol import Keys

@@ -8,9 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from support.played_rig import PlayedRig
-from support.served_rig import RIG, Served, free_port, key, request, serve
-from support.zenoh_client import Refused, ZenohClient, config
+from support.daemon.served_rig import RIG, Served, free_port, key, request, serve
+from support.daemon.zenoh_client import Refused, ZenohClient, config
+from support.panel.played_rig import PlayedRig
 
 from rigd.config.remote import RemoteSetup, TlsFiles
 from rigd.model import ConfigError, LinkError

@@ -6,7 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from support.angle_plant import history, make_plant, mean_volts, pass_time, shipped, truth, varied
+from support.approach_angle.plant import (
+    history,
+    make_plant,
+    mean_volts,
+    pass_time,
+    shipped,
+    truth,
+    varied,
+)
 
 from rigd_sim.approach_angle import layout
 from rigd_sim.approach_angle.plant import AnglePlant

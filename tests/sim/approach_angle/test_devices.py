@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.angle_plant import MS, make_plant, pass_time, shipped, truth
+from support.approach_angle.plant import MS, make_plant, pass_time, shipped, truth
 
 from rigd.sdk import Block, DeviceError, DriverConfig
 from rigd.sdk.check import check_driver
@@ -46,7 +46,7 @@ def test_conforms(driver: type) -> None:
 def test_compilation_is_done_at_opening() -> None:
     # In a cycle it would be a silence for which the cycle is taken for dead.
     code = """
-from support.angle_plant import make_plant
+from support.approach_angle.plant import make_plant
 from rigd_sim.approach_angle.daq import AngleDaq, DaqConfig
 AngleDaq(DaqConfig(), make_plant()).open()
 from rigd_sim.approach_angle.sampling import sample

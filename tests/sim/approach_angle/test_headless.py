@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.angle_headless import POST_S, PRE_S, WATCHDOG_S, SimulatedRun, simulate
+from support.approach_angle.headless import POST_S, PRE_S, WATCHDOG_S, SimulatedRun, simulate
 
 from rigd_sim.approach_angle import layout
 

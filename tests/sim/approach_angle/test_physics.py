@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.angle_plant import history, make_plant, pass_time, shipped, truth, varied
+from support.approach_angle.plant import history, make_plant, pass_time, shipped, truth, varied
 
 from rigd_sim.approach_angle import layout
 from rigd_sim.approach_angle.parameters import AngleParameters

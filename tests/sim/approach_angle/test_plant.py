@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.angle_plant import MS, S, make_plant, mean_volts, pass_time, shipped, truth
+from support.approach_angle.plant import MS, S, make_plant, mean_volts, pass_time, shipped, truth
 
 from rigd.model.errors import ConfigError
 from rigd_sim.approach_angle import layout

@@ -7,7 +7,15 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.angle_plant import S, history, make_plant, mean_volts, pass_time, shipped, varied
+from support.approach_angle.plant import (
+    S,
+    history,
+    make_plant,
+    mean_volts,
+    pass_time,
+    shipped,
+    varied,
+)
 
 from rigd_sim.approach_angle import layout
 from rigd_sim.approach_angle.acquisition import Acquisition

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.articulated_robots import Driven, altered, radius
+from support.articulated.robots import Driven, altered, radius
 
 from rigd_sim.articulated import layout
 

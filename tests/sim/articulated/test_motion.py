@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import root
-from support.articulated_kkt import Multipliers
-from support.articulated_robots import Driven, altered, chain, radius, shipped, unlike
+from support.articulated.multipliers import Multipliers
+from support.articulated.robots import Driven, altered, chain, radius, shipped, unlike
 
 from rigd_sim.articulated import layout
 from rigd_sim.articulated.parameters import ArticulatedParameters

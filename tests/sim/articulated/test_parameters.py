@@ -57,7 +57,7 @@ def test_wrong_coefficient_of_a_module_names_its_line(tmp_path: Path) -> None:
 
 def test_robot_of_one_module_is_a_file(tmp_path: Path) -> None:
     """A module alone has the radius of articulated.md 3: R_kin times 1.195."""
-    from support.articulated_robots import Driven, altered, radius, shipped
+    from support.articulated.robots import Driven, altered, radius, shipped
 
     front = shipped().modules["front"]
     load = {"modules": {"front": front}}

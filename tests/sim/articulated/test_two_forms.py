@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from support.articulated_kkt import Multipliers
-from support.articulated_robots import Driven, altered, chain, shipped, unlike
+from support.articulated.multipliers import Multipliers
+from support.articulated.robots import Driven, altered, chain, shipped, unlike
 
 Array = NDArray[np.float64]
 SINGLE = {"modules.*.wheels.pairing": "single"}

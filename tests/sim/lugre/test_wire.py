@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.can import Client, run
-from support.command import rigd, start
-from support.nodes import FEEDBACK, SPEED_COMMAND, TORQUE_COMMAND, pdo, written
+from support.can.bus import Client, run
+from support.can.nodes import FEEDBACK, SPEED_COMMAND, TORQUE_COMMAND, pdo, written
+from support.commands.command import rigd, start
 from support.wire import ROOT, wire_rig, write_rig
 
 from rigd.model.errors import ConfigError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 
 from rigd.record import Recording
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 from support import wire
-from support.command import rigd
+from support.commands.command import rigd
 from support.wire import TRIBOMETER, WireRig, wire_rig
 
 from rigd.cli.plugins.new_rig.at_wire import NotServed, at_wire

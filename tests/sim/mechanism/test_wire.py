@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.command import rigd
+from support.commands.command import rigd
 from support.wire import WireRig, free_ports
 
 from rigd.cli.plugins.new_rig.folder import write_rig

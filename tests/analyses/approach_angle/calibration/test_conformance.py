@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from support.angle_recording import calibration_text
+from support.approach_angle.recording import calibration_text
 
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis
 from rigd_analyses.approach_angle.calibration.analysis import (

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.angle_plant import make_plant, mean_volts, pass_time, shipped
+from support.approach_angle.plant import make_plant, mean_volts, pass_time, shipped
 from support.cases import some
 
 from rigd.analysis.calibration.result import CalibrationResult

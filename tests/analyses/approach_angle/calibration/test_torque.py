@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.angle_plant import make_plant, mean_volts, pass_time
+from support.approach_angle.plant import make_plant, mean_volts, pass_time
 from support.cases import some
 
 from rigd_analyses.approach_angle.calibration.torque import ArmBench, calibrate_torque

@@ -7,7 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.angle_recording import Recorded, calibration_of, small_campaign, write_campaign
+from support.approach_angle.recording import (
+    Recorded,
+    calibration_of,
+    small_campaign,
+    write_campaign,
+)
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate

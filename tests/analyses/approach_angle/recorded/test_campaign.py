@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.angle_headless import SimulatedRun, simulate
-from support.angle_recording import Recorded, calibration_of, write_campaign
-from support.command import rigd
-from support.markup import outline
+from support.approach_angle.headless import SimulatedRun, simulate
+from support.approach_angle.recording import Recorded, calibration_of, write_campaign
+from support.commands.command import rigd
+from support.panel.markup import outline
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate

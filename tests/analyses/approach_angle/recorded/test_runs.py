@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.angle_recording import SIGNALS, Recorded
+from support.approach_angle.recording import SIGNALS, Recorded
 
 from rigd.analysis.recordings.source import open_sweep
 from rigd.model.errors import DataError

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.angle_headless import simulate
-from support.angle_recording import Recorded, write_campaign
+from support.approach_angle.headless import simulate
+from support.approach_angle.recording import Recorded, write_campaign
 
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.validation.evaluation import ValidationEvaluation, validate

@@ -10,9 +10,9 @@ from html import escape, unescape
 import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
-from support.angle_recording import small_campaign
-from support.angle_runs import TABLE_1, drawn_rig
-from support.markup import outline
+from support.approach_angle.recording import small_campaign
+from support.approach_angle.runs import TABLE_1, drawn_rig
+from support.panel.markup import outline
 
 from rigd.analysis.report import Facts, Provenance, ReportAttachment
 from rigd.analysis.report.page import render

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from support.lugre_bench import known_rig
-from support.lugre_lateral_bench import LateralBench
+from support.lugre.bench import known_rig
+from support.lugre.lateral_bench import LateralBench
 
 from rigd_analyses.lugre.lateral.constants import LateralTrial
 from rigd_analyses.lugre.trials.known_constants import RigConstants

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
+from support.lugre.lateral_bench import DRY, VISCOUS, LateralBench
 
 from rigd.analysis import Options
 from rigd.analysis.check import Case, SimulatedTrial, examine_analysis, write_case

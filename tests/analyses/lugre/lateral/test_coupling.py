@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.lugre_lateral_bench import DRY, VISCOUS, roller_force
+from support.lugre.lateral_bench import DRY, VISCOUS, roller_force
 
 from rigd_analyses.lugre.lateral import coupling
 from rigd_analyses.lugre.lateral.coupling import LiftedRows, Shape, lateral_force, load

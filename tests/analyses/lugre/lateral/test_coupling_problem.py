@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.lateral_wrong import Sweep, right
-from support.lugre_lateral_bench import DRY, VISCOUS
+from support.lugre.lateral_bench import DRY, VISCOUS
+from support.lugre.lateral_wrong import Sweep, right
 
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FitOutcome, FloatArray

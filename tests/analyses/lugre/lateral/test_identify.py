@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
+from support.lugre.lateral_bench import DRY, VISCOUS, LateralBench
 
 from rigd.analysis import DataError
 from rigd.analysis.output_error.augmented_system import own_parameters

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.lugre_bench import FLOORS
-from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
-from support.lugre_model import PVC, saved_model
+from support.lugre.bench import FLOORS
+from support.lugre.lateral_bench import DRY, VISCOUS, LateralBench
+from support.lugre.model import PVC, saved_model
 
 from rigd.analysis import ConfigError
 from rigd.analysis.output_error.system import Unknown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
+from support.lugre.lateral_bench import DRY, VISCOUS, LateralBench
 
 from rigd_analyses.lugre.lateral.speeds.errors import cell, speeds, together
 from rigd_analyses.lugre.lateral.speeds.published_cells import TABLES

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.lateral_wrong import Sweep, lateral_system, right
-from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
+from support.lugre.lateral_bench import DRY, VISCOUS, LateralBench
+from support.lugre.lateral_wrong import Sweep, lateral_system, right
 
 from rigd.analysis.fitting.fit import fit
 from rigd.analysis.output_error.thresholds import THRESHOLDS

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from support.command import rigd
-from support.slip import MISFIT, STONE, observer, score, slip_rig, with_filter
+from support.commands.command import rigd
+from support.lugre.slip import MISFIT, STONE, observer, score, slip_rig, with_filter
 
 from rigd.analysis.recordings.observers import filtered
 from rigd.computed.observers.driver import ObserverConfig

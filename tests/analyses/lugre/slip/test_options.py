@@ -7,7 +7,7 @@ import pickle
 from pathlib import Path
 
 import pytest
-from support.slip import STONE, observer, with_filter
+from support.lugre.slip import STONE, observer, with_filter
 
 from rigd.computed.observers.driver import ObserverConfig
 from rigd.config.loader import parse_rig

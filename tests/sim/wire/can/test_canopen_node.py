@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 
 import pytest
-from support.can import Client, on_loop
-from support.nodes import (
+from support.can.bus import Client, on_loop
+from support.can.nodes import (
     FEEDBACK,
     OPERATIONAL,
     SERVO,
@@ -19,7 +19,7 @@ from support.nodes import (
     pdo,
     written,
 )
-from support.stalls import witnessed
+from support.faults.stalls import witnessed
 
 from rigd_sim.wire.can.drive import Sensed
 

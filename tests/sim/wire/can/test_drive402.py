@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 
 import pytest
-from support.can import Client, on_loop
-from support.nodes import (
+from support.can.bus import Client, on_loop
+from support.can.nodes import (
     SERVO,
     SPEED_DRIVE,
     SYNC,
@@ -17,7 +17,7 @@ from support.nodes import (
     operational,
     pdo,
 )
-from support.stalls import witnessed
+from support.faults.stalls import witnessed
 
 from rigd_sim.wire.can.drive import Sensed
 from rigd_sim.wire.can.states402 import DriveState, StateMachine

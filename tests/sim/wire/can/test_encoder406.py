@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.can import Client, on_loop
-from support.nodes import ENCODER, SYNC, encoder, pdo, written
+from support.can.bus import Client, on_loop
+from support.can.nodes import ENCODER, SYNC, encoder, pdo, written
 
 from rigd_sim.wire.can.encoder import Scale
 

@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
-from support.can import Client, on_loop, run
+from support.can.bus import Client, on_loop, run
 
 from rigd_sim.wire.can.hub import CanHub
 from rigd_sim.wire.can.timing import Arbiter, frame_ns

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.can import Client, on_loop
-from support.nodes import CURRENT_DRIVE, SERVO, SPEED_DRIVE, cycle, drive, operational, written
+from support.can.bus import Client, on_loop
+from support.can.nodes import CURRENT_DRIVE, SERVO, SPEED_DRIVE, cycle, drive, operational, written
 
 from rigd_sim.lugre.wire import WireLugre, WireLugreConfig
 from rigd_sim.wire.can.traits import DriveTraits, known_makes, read_make

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from support.card import Terminals
+from support.cards.card import Terminals
 
 from rigd_sim.wire.cards.mf624_registers import Mf624Registers, Wires
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.card import serving
+from support.cards.card import serving
 
 from rigd.config.loader import load_rig
 from rigd.sdk import DeviceError, Driver, LinkError

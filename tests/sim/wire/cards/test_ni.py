@@ -16,7 +16,7 @@ from nidaqmx.errors import DaqError, DaqReadError, RpcError
 from nidaqmx.stream_readers import AnalogMultiChannelReader, DigitalSingleChannelReader
 from nidaqmx.stream_writers import DigitalSingleChannelWriter
 from nidaqmx.system import Device, System
-from support.served import served
+from support.cards.served import served
 
 from rigd_sim.wire.cards.ni import SimNi
 from rigd_sim.wire.cards.ni_card import (

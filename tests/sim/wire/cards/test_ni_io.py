@@ -17,7 +17,7 @@ from nidaqmx.stream_writers import AnalogMultiChannelWriter, DigitalSingleChanne
 from nidaqmx.system import Device
 from nidaqmx.system.watchdog import WatchdogTask
 from nidaqmx.types import AOExpirationState, DOExpirationState
-from support.ni_card import ServedCard, ni_card
+from support.cards.ni_card import ServedCard, ni_card
 
 from rigd_sim.wire.cards.ni_terminals import Terminals, Timer
 
