@@ -49,8 +49,8 @@ RANKING_ITERATIONS = 8
 REFINED = 2  #: optima that all trials refine
 MORE_FITS = 3
 DRAWN, MOST_ANEW = 8, 4  #: starts of a fit whose end may be wrong; how many all trials refine
-#: Standard deviation of the farthest over the box: at 0.1 half of 14 led to the right end of a
-#: LuGre rig, at 0.05 15 of 16.
+#: Standard deviation of the farthest over the box: on three floors half of 14 at 0.1 led to the
+#: right end, 15 of 16 at 0.05.
 FARTHEST = 0.1
 SEED = 48
 
