@@ -27,7 +27,7 @@ _ANGLE: Final = parse_unit("rad").dimension
 Kind = Literal["quantity", "condition", "constant", "list"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Call:
     """A use of a function: where its rows go, and where its values stand in the text."""
 

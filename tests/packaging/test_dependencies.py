@@ -23,7 +23,7 @@ PRODUCT = [
 ]
 OURS = {
     *("rigd", "rigd_analyses", "rigd_drivers", "rigd_sim"),
-    *("rigd_pendulum", "support", "contract", "conftest"),
+    *("rigd_pendulum", "support", "contract", "sdk", "conftest"),
 }
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 #: What another library loads by its name, with the words of our code that make it do so.

@@ -166,7 +166,7 @@ def apart(found: Found, other: Found) -> float:
 # Fits of the library, as they are made.
 
 
-@dataclass
+@dataclass(eq=False)
 class Fits:
     """The fits that were made: their models, the points that they found, starts and seeds."""
 
