@@ -8,6 +8,7 @@ import socket
 import time
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import pytest
@@ -61,10 +62,20 @@ def kelvin(value: float) -> Row:
     return KelvinRow.of(temperature=value)
 
 
-def matching(*values: float, ago_s: float = 0.0, held: HeldTime | None = None) -> Matching:
+#: Its threads never wait for a processor.
+FREE: Final = Path("no-threads")
+
+
+def matching(
+    *values: float, ago_s: float = 0.0, held: HeldTime | None = None, taken_s: float | None = None
+) -> Matching:
+    """Return one whose clock stands ``ago_s`` after the readings: no stall changes a number."""
+    now_s = [time.monotonic() if taken_s is None else taken_s]
     readings: list[SentReading] = []
-    known = Matching(Peer(readings=readings), THERMOMETER, held or HeldTime())
-    readings += [SentReading(time.monotonic() - ago_s, {"temperature": value}) for value in values]
+    peer = Peer(readings=readings)
+    known = Matching(peer, THERMOMETER, held or HeldTime(FREE), lambda: now_s[0])
+    readings += [SentReading(now_s[0], {"temperature": value}) for value in values]
+    now_s[0] += ago_s
     return known
 
 
@@ -107,7 +118,7 @@ def queue(folder: Path, **waited_s: float) -> None:
 def test_row_may_be_old_as_threads_waited(tmp_path: Path) -> None:
     queue(tmp_path, t1=3.0, t2=0.0)
     held = HeldTime(tmp_path)
-    known = matching(300.0, held=held)
+    known = matching(300.0, ago_s=5.0, held=held)
     queue(tmp_path, t1=3.0, t2=9.0)
     assert not list(known.newest_first(kelvin(300.0), 0.0))
 
@@ -117,8 +128,8 @@ def test_what_threads_waited_before_excuses_no_row(tmp_path: Path) -> None:
     held = HeldTime(tmp_path)
     queue(tmp_path, t1=9.0)
     held.look()
-    (problem,) = matching(300.0, held=held).newest_first(kelvin(300.0), 0.0)
-    assert "a row shows what the device measured" in problem
+    (problem,) = matching(300.0, ago_s=5.0, held=held).newest_first(kelvin(300.0), 0.0)
+    assert problem == "a row shows what the device measured 5 s before"
 
 
 def test_row_that_was_old_before_run_stays_so(tmp_path: Path) -> None:
@@ -150,8 +161,8 @@ def test_machine_that_holds_back_stalls_sequence(tmp_path: Path) -> None:
 
 
 def test_time_of_row_is_that_of_its_reading() -> None:
-    stamp_s = time.monotonic() - 0.2
-    (problem,) = matching(300.0).newest_first(kelvin(300.0), 1.0, stamp_s)
+    known = matching(300.0, taken_s=100.0)
+    (problem,) = known.newest_first(kelvin(300.0), 1.0, 99.8)
     assert problem == "the time of a row is 0.2 s from that of its reading"
 
 

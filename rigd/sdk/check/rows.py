@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
 from rigd.model.channels import STATUS_FIELD, Channel
@@ -89,11 +89,19 @@ class Matching:
     """Compares rows with the readings that a device has sent: none invented, twice or old.
 
     A row may be older by the time for which threads of this process have waited for a processor
-    since its reading, as that of the device may have: ``held``.
+    since its reading, as that of the device may have: ``held``. ``clock`` returns the time of the
+    readings, CLOCK_MONOTONIC, in s.
     """
 
-    def __init__(self, peer: Peer, declared: Declaration, held: HeldTime) -> None:
+    def __init__(
+        self,
+        peer: Peer,
+        declared: Declaration,
+        held: HeldTime,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._held = held
+        self._clock = clock
         self._readings = peer.readings
         self._columns = {channel.name: index for index, channel in enumerate(declared.channels)}
         self._bits = declared.status_bits
@@ -111,7 +119,7 @@ class Matching:
 
     def begin_run(self) -> None:
         """Note that a driver begins to read: what is old by now gives no row."""
-        self._began_s = time.monotonic()
+        self._began_s = self._clock()
 
     def mark(self) -> None:
         """Note that rows which are compared next had come by now."""
@@ -133,7 +141,7 @@ class Matching:
         readings = self._readings
         if readings is None:
             return
-        now_s, count = time.monotonic(), self.marked if self._marks else self.sent
+        now_s, count = self._clock(), self.marked if self._marks else self.sent
         alike = [n for n in range(self._next, count) if not any(self._wrong(row, readings[n]))]
         if alike:
             self._next = alike[0] + 1
