@@ -177,15 +177,19 @@ class ParameterEvaluation(Evaluation):
         options: Options,
         joint: JointAccount | None = None,
         refused: Sequence[RefusedGroup] = (),
+        bridged: bool = True,
     ) -> ParameterEvaluation:
-        """Return the evaluation of ``sweeps`` from the results of all their groups."""
+        """Return the evaluation of ``sweeps`` from the results of all their groups.
+
+        ``bridged``: it is of samples at even times (:meth:`.RecordedSweep.signals`).
+        """
         sections = tuple(item.section for item in fitted)
         loss = "Huber" if options.robust else "least squares"
         origin = provenance(
             sweeps,
             [_used(sweep, sections) for sweep in sweeps],
             {"starts": str(options.starts), "seed": str(options.seed), "loss": loss},
-            [_bridged_facts(sweep) for sweep in sweeps],
+            [_bridged_facts(sweep) if bridged else {} for sweep in sweeps],
         )
         if joint is not None and joint.constants:
             entries = {item.wording: item.text for item in joint.constants.values()}

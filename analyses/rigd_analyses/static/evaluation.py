@@ -82,7 +82,7 @@ def evaluate(
         options.processes,
     )
     fitted = [Fitted(group, result) for group, result in found]
-    return ParameterEvaluation.of(sweeps, fitted, options, refused=refused)
+    return ParameterEvaluation.of(sweeps, fitted, options, refused=refused, bridged=False)
 
 
 def identify(group: Group, options: Options) -> IdentificationResult:
@@ -91,7 +91,9 @@ def identify(group: Group, options: Options) -> IdentificationResult:
     Raises:
         DataError: a sample is not finite, or nothing moves.
     """
-    trials = tuple(response(sweep, trial) for sweep, trial in group.trials)
+    found = [response(sweep, trial) for sweep, trial in group.trials]
+    trials = tuple(trial for trial, _ in found)
+    rules = tuple(dict.fromkeys(rule for _, by_trial in found for rule in by_trial))
     if len(group.recordings) > 1:  # each begins with trial 1
         trials = tuple(replace(x, label=f"{x.label} of {x.recording}") for x in trials)
     force = np.concatenate([trial.measured[trial.used] for trial in trials])
@@ -105,7 +107,7 @@ def identify(group: Group, options: Options) -> IdentificationResult:
         )
     size = float(np.median(np.abs(force))) or 1.0
     model = ResponseModel(parameters(size, speed, force), friction, trials, size)
-    result = identify_response(model, WORDING, options, account(trials))
+    result = identify_response(model, WORDING, options, account(trials, rules))
     return _within_reach(result, speeds(speed))
 
 
@@ -180,14 +182,16 @@ def parameters(size_n: float, speed: FloatArray, force: FloatArray) -> tuple[Fit
     )  # fmt: skip
 
 
-def response(sweep: RecordedSweep, trial: TrialInfo) -> ResponseTrial:
+def response(sweep: RecordedSweep, trial: TrialInfo) -> tuple[ResponseTrial, tuple[str, ...]]:
     """Return speed and friction of one trial, both in the direction of motion.
+
+    With them sentences on how signals of several streams came to the same rows.
 
     Raises:
         DataError: a signal is missing, a sample is not finite, or the body does not move.
     """
-    t_s, signals = sweep.signals(trial)
-    speed, force = signals["speed"], signals["force"]
+    rows = sweep.rows(trial)
+    speed, force = rows.signals["speed"], rows.signals["force"]
     for name, values in (("speed", speed), ("force", force)):
         if not np.all(np.isfinite(values)):
             raise DataError(
@@ -195,40 +199,63 @@ def response(sweep: RecordedSweep, trial: TrialInfo) -> ResponseTrial:
                 hint="`rigd report` draws the recording",
             )
     top = float(np.max(np.abs(speed), initial=0.0))
-    if len(t_s) < 2 or top == 0.0:
+    if len(speed) < 2 or top == 0.0:
         raise DataError(f"{sweep.path}: in trial {trial.number} the body does not move")
-    return ResponseTrial(
+    x, measured = _folded(speed, force)
+    bent = {**rows.signals, **rows.curved}
+    found = ResponseTrial(
         label=f"trial {trial.number}",
         condition=f"up to {top:.3g} m/s",
         recording=str(sweep.path),
-        t_s=t_s,
-        x=np.maximum(np.abs(speed), np.finfo(np.float64).tiny),
-        measured=force * np.sign(speed),
-        used=(np.abs(speed) > REST_SHARE * top) & steady(t_s, speed, top),
+        t_s=rows.t_s,
+        x=x,
+        measured=measured,
+        used=(np.abs(speed) > REST_SHARE * top) & steady(rows.t_s, speed, top),
+        otherwise=_folded(bent["speed"], bent["force"]) if rows.curved else None,
     )
+    return found, rows.rules
+
+
+def _folded(speed: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return speed, above 0, and force (n,) in the direction of motion."""
+    return np.maximum(np.abs(speed), np.finfo(np.float64).tiny), force * np.sign(speed)
 
 
 def steady(t_s: FloatArray, speed: FloatArray, top: float) -> BoolArray:
-    """Return at which samples the speed changes slowly, before and after."""
-    size = max(1, round(CHANGE_S / float(t_s[1] - t_s[0])))
-    if size >= len(speed):
-        return np.ones(len(speed), np.bool_)
-    change = np.abs(speed[size:] - speed[:-size])
-    faster = np.maximum(np.abs(speed[size:]), np.abs(speed[:-size]))
-    slow = (change < CHANGE_SHARE * top) & (change < OWN_SHARE * faster)
-    edge = np.ones(size, np.bool_)
-    both: BoolArray = np.concatenate([edge, slow]) & np.concatenate([slow, edge])
+    """Return at which samples (n,) the speed changes slowly, before and after.
+
+    Each sample is compared with the one next to ``CHANGE_S`` later, and with that before; at the
+    ends of a trial with one of them. The times in s may be uneven, and n is 2 at least.
+    """
+    # Half a step, and what the times in s are rounded by: of two samples as near it is the nearer.
+    near = CHANGE_S - 0.5 * float(np.median(np.diff(t_s))) * (1.0 + 1e-6)
+    at = np.arange(len(t_s))
+    both = np.ones(len(t_s), np.bool_)
+    for other in (
+        np.maximum(np.searchsorted(t_s, t_s + near), at + 1),
+        np.minimum(np.searchsorted(t_s, t_s - near, side="right") - 1, at - 1),
+    ):
+        there = (other >= 0) & (other < len(t_s))
+        first, last = np.abs(speed[at[there]]), np.abs(speed[other[there]])
+        change = np.abs(speed[at[there]] - speed[other[there]])
+        both[there] &= (change < CHANGE_SHARE * top) & (
+            change < OWN_SHARE * np.maximum(first, last)
+        )
     return both
 
 
-def account(trials: Sequence[ResponseTrial]) -> Preprocessing:
-    """Return the processing of the samples before the fit, for the report."""
+def account(trials: Sequence[ResponseTrial], rules: Sequence[str]) -> Preprocessing:
+    """Return the processing of the samples before the fit, for the report.
+
+    ``rules`` are sentences on how signals of several streams came to the same rows.
+    """
     return Preprocessing(
         statements=(
             f"Samples count while the speed is above {100 * REST_SHARE:g} % of its highest value "
             f"and changes by less than {100 * CHANGE_SHARE:g} % of it, and less than "
             f"{100 * OWN_SHARE:g} % of itself, within {CHANGE_S:g} s.",
             "Force and speed are taken in the direction of motion.",
+            *rules,
         ),
         settings={
             "rest_share": REST_SHARE,

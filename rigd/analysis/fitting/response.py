@@ -21,6 +21,7 @@ import numpy as np
 from rigd.analysis.analysis import Options
 from rigd.analysis.fitting import residuals as tests
 from rigd.analysis.fitting.agreement import agreement
+from rigd.analysis.fitting.fit import fit
 from rigd.analysis.fitting.identification import FittedSubject, identify_model
 from rigd.analysis.fitting.interval_width import Spread
 from rigd.analysis.fitting.model import (
@@ -68,7 +69,11 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class ResponseTrial:
-    """One trial: (n,) even times in s, input, measured output, and which samples count."""
+    """One trial: (n,) times in s, input, measured output, and which samples count.
+
+    ``otherwise`` are input and output (n,) as another processing has them: how far the parameters
+    move with it is in their intervals.
+    """
 
     label: str
     condition: str
@@ -77,6 +82,7 @@ class ResponseTrial:
     x: FloatArray
     measured: FloatArray
     used: BoolArray
+    otherwise: tuple[FloatArray, FloatArray] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +189,7 @@ def identify_response(
         curve=lambda spread: _curve(model, spread, wording, (low, high)),
         trials=lambda theta: _trial_fits(model, theta, wording),
         block_s=block_s,
+        others=lambda best: _otherwise(model, best.theta),
         scale=model.scale,
         unit=wording.y.unit,
     )
@@ -195,6 +202,18 @@ def identify_response(
         residual_tests=(*result.residual_tests, common),
         warnings=(*result.warnings, *([] if common.passed else [common.sentence])),
     )
+
+
+def _otherwise(model: ResponseModel, theta: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the parameters (p,) refitted to the trials as otherwise processed, if any is."""
+    if all(trial.otherwise is None for trial in model.trials):
+        return ()
+    trials = tuple(
+        trial if trial.otherwise is None
+        else replace(trial, x=trial.otherwise[0], measured=trial.otherwise[1])
+        for trial in model.trials
+    )  # fmt: skip
+    return (fit(replace(model, trials=trials), theta).theta,)
 
 
 def _agreement(

@@ -2,11 +2,14 @@
 
 The module averages a stream with a faster rate. Some samples may be missing, or repeat an earlier
 one because the device was late. The module bridges and counts a few such samples; it refuses more,
-because invented samples would look like data.
+because invented samples would look like data. For what is pointwise in time no even times are
+needed: :func:`brought` brings a stream to the rows of another one.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from enum import Enum
 from typing import Final
 
 import numpy as np
@@ -26,8 +29,12 @@ LONGEST_BRIDGE: Final = 10
 MOST_BRIDGED: Final = 0.02
 #: A sample belongs to a time of the grid if it is so near, in periods.
 ON_GRID: Final = 0.01
+#: No straight line bridges a longer step between samples, in periods: times that jitter by half a
+#: period are up to 2 apart.
+LONGEST_STEP: Final = 3.0
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 Times = NDArray[np.int64]
 
 
@@ -61,24 +68,90 @@ def means_around(centres: Times, times: Times, values: FloatArray) -> FloatArray
             f"there is a sample every {own / 1e6:.4g} ms, need at least {LEAST_RATIO:g} in every "
             f"{period / 1e6:.4g} ms to take their mean"
         )
-    half, near = round(period / 2), round(ON_GRID * own)
-    windows = [
-        (np.searchsorted(times, centres - half + off), np.searchsorted(times, centres + half + off))
-        for off in (-near, near)  # a sample at an edge is in one of the two
-    ]
-    of_each = np.array([last - first for first, last in windows])
-    counts = of_each.min(axis=0)
+    means, counts = _means(centres, times, values)
     if counts.min() < ratio // 2:
         worst = int(counts.argmin())
         raise DataError(
             f"{counts[worst]} samples stand around {(centres[worst] - centres[0]) * 1e-9:.4f} s, "
             f"while {ratio:.3g} are usual"
         )
+    return means
+
+
+def _means(
+    centres: Times, times: Times, values: FloatArray
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return what :func:`means_around` does, and of how many samples each mean is, at least."""
+    half, near = round(period_ns(centres) / 2), round(ON_GRID * period_ns(times))
+    windows = [
+        (np.searchsorted(times, centres - half + off), np.searchsorted(times, centres + half + off))
+        for off in (-near, near)  # a sample at an edge is in one of the two
+    ]
+    of_each = np.array([last - first for first, last in windows])
     level = float(values.mean())  # sums of differences keep their digits
     sums = np.concatenate([[0.0], np.cumsum(values - level)])
     total = np.sum([sums[last] - sums[first] for first, last in windows], axis=0)
-    means: FloatArray = level + total / of_each.sum(axis=0)
-    return means
+    with np.errstate(invalid="ignore"):  # where no sample is
+        means: FloatArray = level + total / of_each.sum(axis=0)
+    return means, of_each.min(axis=0)
+
+
+class SamplingRule(Enum):
+    """How the samples of a stream come to the rows of another one, in words for a report."""
+
+    SAME = "as recorded, at the same times"
+    MEAN = "the mean of the samples within half a step between rows to either side"
+    LINEAR = "a straight line in time between the samples before and after"
+
+
+@dataclass(frozen=True, eq=False)
+class Brought:
+    """Samples at the times of rows, (n,), and by which rule they came there.
+
+    ``there`` marks the rows for which nothing had to be invented. ``curved`` (n,) are those that
+    lie on straight lines without the error of these to its leading order, (t - t_0) (t_1 - t) y''/2
+    (C. de Boor, A Practical Guide to Splines, 1978, ch. III); None for another rule.
+    """
+
+    values: FloatArray
+    there: BoolArray
+    rule: SamplingRule
+    curved: FloatArray | None = None
+
+
+def brought(rows: Times, times: Times, values: FloatArray) -> Brought:
+    """Return ``values`` (n,) at the times of ``rows`` (k,), which may be uneven; times in ns.
+
+    A sample that stands at the time of a row belongs to it. Of a stream with at least
+    ``LEAST_RATIO`` samples for each row it is the mean of those around the row
+    (:func:`means_around`), of any other one it lies on the straight line between the samples before
+    and after, which are at most ``LONGEST_STEP`` periods apart.
+    """
+    period, own = period_ns(rows), period_ns(times)
+    if not np.isfinite(own):
+        at = np.searchsorted(times, rows).clip(0, len(times) - 1)
+        return Brought(values[at], times[at] == rows, SamplingRule.SAME)
+    if period / own >= LEAST_RATIO:
+        means, counts = _means(rows, times, values)
+        there = counts >= period / own // 2
+        return Brought(np.where(there, means, 0.0), there, SamplingRule.MEAN)
+    after = np.searchsorted(times, rows).clip(1, len(times) - 1)
+    before = after - 1
+    nearest = np.where(rows - times[before] < times[after] - rows, before, after)
+    same = np.abs(times[nearest] - rows) <= ON_GRID * own
+    inside = (rows >= times[0]) & (rows <= times[-1])
+    there = same | (inside & (times[after] - times[before] <= LONGEST_STEP * own))
+    if np.all(same | ~there):
+        return Brought(values[nearest], there, SamplingRule.SAME)
+    at_s, own_s = ((item - times[0]) * 1e-9 for item in (rows, times))
+    at_s = np.where(same, own_s[nearest], at_s)
+    lines = np.interp(at_s, own_s, values)
+    if len(values) < 3:
+        return Brought(lines, there, SamplingRule.LINEAR, lines)
+    bend = 2.0 * np.diff(np.diff(values) / np.diff(own_s)) / (own_s[2:] - own_s[:-2])
+    bend = np.concatenate([bend[:1], bend, bend[-1:]])
+    bulge = 0.25 * (at_s - own_s[before]) * (own_s[after] - at_s) * (bend[before] + bend[after])
+    return Brought(lines, there, SamplingRule.LINEAR, lines - np.where(inside, bulge, 0.0))
 
 
 def stale_rows(status: NDArray[np.uint32]) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from shlex import quote
 from typing import Final
@@ -22,7 +22,10 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from rigd.analysis.recordings.resample import (
+    LONGEST_STEP,
+    SamplingRule,
     bridge,
+    brought,
     grid,
     means_around,
     on_grid,
@@ -77,6 +80,21 @@ class Correction:
 
     def __str__(self) -> str:
         return f"{self.recorded or 'nothing'} in the recording, {self.used or 'nothing'} here"
+
+
+@dataclass(frozen=True, eq=False)
+class TrialRows:
+    """Signals of a trial at the rows of one stream, (n,): time in s since the trial began, SI.
+
+    ``rules`` are sentences on how each came there that is not of that stream, and on rows that had
+    to be left out. ``curved`` are the signals that lie on straight lines between samples, without
+    the error of these; what differs belongs into the budget.
+    """
+
+    t_s: FloatArray
+    signals: Mapping[str, FloatArray]
+    rules: tuple[str, ...] = ()
+    curved: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -196,14 +214,97 @@ class RecordedSweep:
             times = grid(rows[slowest][TIME_FIELD])
         columns: dict[str, FloatArray] = {}
         faster: dict[str, FloatArray] = {}
-        for signal, (stream, field) in plan.items():
+        for signal, (stream, channel) in plan.items():
             fresh = rows[stream.name][~_stale(stream, rows[stream.name])]
+            if stream.name == slowest and not on_grid(times, fresh[TIME_FIELD]):
+                raise Unusable(
+                    f"{self.path}: in trial {trial.number}, the times of stream {stream.name!r} "
+                    f"are uneven: {_steps(fresh[TIME_FIELD])}; model {self.plan.model} computes "
+                    "from one sample to the next and needs even ones",
+                    hint="log at a fixed rate, or import what `rigd export --rate` makes of it",
+                )
             with self._telling(stream.name, trial):
                 if on_grid(times, fresh[TIME_FIELD]):
-                    columns[signal] = bridge(times, fresh[TIME_FIELD], fresh[field])
+                    columns[signal] = bridge(times, fresh[TIME_FIELD], fresh[channel])
                 else:
-                    columns[signal], faster[signal] = self._means(stream, field, times)
+                    columns[signal], faster[signal] = self._means(stream, channel, times)
         return (times - times[0]) * 1e-9, columns, faster
+
+    def rows(self, trial: TrialInfo) -> TrialRows:
+        """Return every signal of the plan at the rows of the slowest stream, even or not.
+
+        For what is pointwise in time: signals of one stream are rows of one instant, and no row is
+        invented. Another stream comes to the rows by the rule of :func:`.resample.brought`. Rows
+        that repeat an earlier one, and those at which another stream has a gap, are left out.
+
+        Raises:
+            DataError: a stream or channel that the plan names is not in the recording.
+            Unusable: no row of this trial has all signals.
+        """
+        plan = {name: self.field(name) for name in self.plan.signals}
+        if not plan:
+            raise DataError(f"{self.path}: its plan of identification names no signals")
+        streams = {stream.name: stream for stream, _ in plan.values()}
+        found = {name: self._fresh(stream, trial) for name, stream in streams.items()}
+        base = min(found, key=lambda name: len(found[name]))
+        times = found[base][TIME_FIELD]
+        signals: dict[str, FloatArray] = {}
+        curved: dict[str, FloatArray] = {}
+        rules: list[str] = []
+        there = np.ones(len(times), np.bool_)
+        for signal, (stream, channel) in plan.items():
+            if not len(found[stream.name]):
+                raise Unusable(
+                    f"{self.path}: in trial {trial.number}, all rows of {stream.name} are late"
+                )
+            if stream.name == base:
+                signals[signal] = np.ascontiguousarray(found[base][channel])
+                continue
+            samples = self._fresh(stream, trial, _margin_ns(found[stream.name][TIME_FIELD], times))
+            item = brought(times, samples[TIME_FIELD], np.ascontiguousarray(samples[channel]))
+            signals[signal], there = item.values, there & item.there
+            if item.curved is not None:
+                curved[signal] = item.curved
+            if item.rule is not SamplingRule.SAME:
+                rates = (1e9 / period_ns(part) for part in (samples[TIME_FIELD], times))
+                own, rows = (f"{rate:.4g} Hz" for rate in rates)
+                rules.append(
+                    f"The {signal}, of {stream.name} at {own}, stands at the rows of {base} at "
+                    f"{rows}: {item.rule.value}."
+                )
+        if not np.any(there):
+            raise Unusable(
+                f"{self.path}: in trial {trial.number}, {', '.join(sorted(found))} have no sample "
+                "at the same time",
+                hint="their clocks differ, or one recorded while the other did not: "
+                "`rigd report` draws the recording",
+            )
+        if late := sum(len(self._rows(name, trial)) - len(found[name]) for name in found):
+            rules.append(f"{late} rows that repeat an earlier one are left out.")
+        if count := int(np.count_nonzero(~there)):
+            rules.append(
+                f"{count} rows in gaps of another stream are left out (longest step that is "
+                f"bridged: {LONGEST_STEP:g} periods)."
+            )
+        t_s = (times[there] - times[0]) * 1e-9
+        kept, bent = (
+            {name: values[there] for name, values in found.items()} for found in (signals, curved)
+        )
+        return TrialRows(t_s, kept, tuple(rules), bent)
+
+    def _fresh(self, stream: Stream, trial: TrialInfo, margin_ns: int = 0) -> NDArray[np.void]:
+        """Return the rows of ``stream`` in ``trial``, and so long before and after, less late ones.
+
+        Raises:
+            DataError: there is none in the trial.
+        """
+        if not margin_ns:
+            rows = self._rows(stream.name, trial)
+        else:
+            end_ns = None if trial.end_ns is None else trial.end_ns + margin_ns
+            rows = self.recording.read(stream.name, trial.start_ns - margin_ns, end_ns)
+        fresh: NDArray[np.void] = rows[~_stale(stream, rows)]
+        return fresh
 
     def _rows(self, stream: str, trial: TrialInfo) -> NDArray[np.void]:
         rows: NDArray[np.void] = self.recording.read(stream, trial.start_ns, trial.end_ns)
@@ -266,6 +367,20 @@ class RecordedSweep:
         if field not in {item.name for item in stream.channels}:
             raise DataError(f"{self.path}: stream {device!r} has no channel {field!r}")
         return stream, field
+
+
+def _steps(times: NDArray[np.int64]) -> str:
+    """Return the steps between ``times`` (n,) in ns as a person reads them."""
+    steps = np.diff(times) / 1e6
+    return (
+        f"steps of {np.min(steps):.4g} to {np.max(steps):.4g} ms, {np.median(steps):.4g} ms usually"
+    )
+
+
+def _margin_ns(*streams: NDArray[np.int64]) -> int:
+    """Return the longest usual step of ``streams``, of their times (n,) in ns; 0 without any."""
+    periods = [period_ns(times) for times in streams]
+    return round(LONGEST_STEP * max((x for x in periods if np.isfinite(x)), default=0.0))
 
 
 def _stale(stream: Stream, rows: NDArray[np.void]) -> NDArray[np.bool_]:

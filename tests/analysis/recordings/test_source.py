@@ -129,6 +129,17 @@ def test_a_stream_that_is_hardly_faster_is_refused(make: Make) -> None:
         sweep.signals(sweep.trials[0])
 
 
+def test_uneven_times_are_named_where_they_matter(make: Make) -> None:
+    """It was "does not fit the others", also of a single stream."""
+    encoder = rows_of(ENCODER, 1000)
+    encoder["t_ns"] += np.random.default_rng(1).integers(-200_000, 200_000, len(encoder))
+    sweep = make(encoder, rows_of(CARD, 9600))
+    with pytest.raises(
+        DataError, match=r"times of stream 'encoder' are uneven: steps of 0\.6.* ms"
+    ):
+        sweep.signals(sweep.trials[0])
+
+
 @pytest.mark.parametrize("rate_hz", [1000, 9600])
 def test_a_gap_is_refused_at_any_rate(make: Make, rate_hz: int) -> None:
     card = rows_of(CARD, rate_hz)
