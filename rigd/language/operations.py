@@ -12,6 +12,7 @@ class Op(IntEnum):
     """The operations; :mod:`rigd.computed.derived.kernel` computes them in the cycle.
 
     Those from DERIVATIVE on take a step at a new value only; the others compute in every cycle.
+    CONSTANT and PARAMETER are set from outside: once, and by each trial.
     """
 
     CONSTANT = 0
@@ -48,6 +49,7 @@ class Op(IntEnum):
     RATE_LIMIT = 31
     DELAY = 32
     EDGES = 33
+    PARAMETER = 34
 
 
 def compute(op: Op, values: Sequence[float], parameters: Sequence[float]) -> float | None:

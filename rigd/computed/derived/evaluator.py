@@ -20,10 +20,11 @@ class Evaluator:
 
     def __init__(self, graph: Graph) -> None:
         constants = {n: r.parameter for n, r in enumerate(graph.rows) if r.op is Op.CONSTANT}
+        parameters = {n: r.a for n, r in enumerate(graph.rows) if r.op is Op.PARAMETER}
         rows = [
             (n, r.op, r.a, r.b, r.c, r.parameter, r.state, r.size)
             for n, r in enumerate(graph.rows)
-            if n not in constants
+            if n not in constants and n not in parameters
         ]
         self._graph, self._groups = graph, graph.groups()
         count, inputs = len(graph.rows), len(graph.inputs)
@@ -31,9 +32,11 @@ class Evaluator:
         times = np.zeros((2, count), dtype=np.int64)
         for place, parameter in constants.items():
             values[place] = graph.parameters[parameter]
+        for place in (*constants, *parameters):
             times[:, place] = ALWAYS, NEVER
         # Of the row of each group as a ring has it, in words of four bytes.
         sizes = [2 * len(names) + 3 for names in self._groups.values()]
+        self._parameters = parameters
         floats = (
             np.full(inputs, math.nan), np.array([*graph.parameters, 0.0]),
             np.full(graph.states + 1, math.nan), values,
@@ -45,10 +48,12 @@ class Evaluator:
             np.zeros(2, dtype=np.int64), np.zeros((sum(sizes) + 1) // 2, dtype=np.int64),
         ]  # fmt: skip
         ends = list(accumulate((len(part) for part in parts), initial=len(parts) + 1))
-        self._own = np.concatenate([np.array(ends), *parts])
-        cut = [self._own[begin:end] for begin, end in pairwise(ends)]
+        #: All of the graph in one memory; see :func:`rigd.computed.derived.kernel.compute`.
+        self.own = np.concatenate([np.array(ends), *parts])
+        cut = [self.own[begin:end] for begin, end in pairwise(ends)]
         self._state, self._ages, self._layouts = cut[2].view(np.float64), cut[4], cut[7]
         self._stepped, self._taken = cut[6][2 * count :], cut[8]
+        self._values = cut[3].view(np.float64)
         self._resets = self._reset_places()
         packed, begins = cut[9].data.cast("B"), list(accumulate(sizes, initial=0))
         #: The row of each group with its time, as a ring has it; the memory stays the same.
@@ -67,6 +72,9 @@ class Evaluator:
             places = [place for place, name in enumerate(graph.inputs) if name in used]
             layout += (NOWHERE, NOWHERE) if tables is None else tables.row(group)
             layout += [len(names), *(graph.outputs[name] for name in names), len(places), *places]
+            behind = {row for name in names for row in graph.behind(name)}
+            parameters = sorted(behind & self._parameters.keys())
+            layout += [len(parameters), *parameters]
         return np.array(layout, dtype=np.int64)
 
     def bind(self, tables: Tables, taken: int) -> None:
@@ -87,13 +95,24 @@ class Evaluator:
         """Compute all channels for the cycle at ``t_ns`` in the memory of the tables."""
         if self._begun_ns < 0:
             self._begun_ns = t_ns
-        compute(t_ns, self._begun_ns, self._words, self._own)
+        compute(t_ns, self._begun_ns, self._words, self.own)
 
-    def begin_trial(self) -> None:
-        """Empty the memory of the channels that begin anew with each trial."""
+    def begin_trial(self, trial: int) -> None:
+        """Give parameters their values in ``trial``; empty the memory that begins with a trial."""
+        self.set_parameters(self._graph.trials.get(trial, ()))
         for row, places in self._resets:
             self._state[places] = math.nan
             self._stepped[row] = NEVER
+
+    def forget(self) -> None:
+        """Empty all memory, as where a run begins."""
+        self._state[:] = math.nan
+        self._stepped[:] = NEVER
+
+    def set_parameters(self, values: Sequence[float] = ()) -> None:
+        """Give the parameters that differ by trial these values in SI; NaN without."""
+        for row, place in self._parameters.items():
+            self._values[row] = values[place] if values else math.nan
 
     def _reset_places(self) -> list[tuple[int, slice]]:
         rows = self._graph.rows

@@ -7,6 +7,7 @@ with memory (an integral, a filter) has its own part of one flat array of states
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -47,6 +48,10 @@ class GraphRow:
     size: int = 0
     reset: bool = False
 
+    def is_input(self, place: int) -> bool:
+        """Return whether the row has the value of the input at ``place``."""
+        return self.op is Op.INPUT and self.a == place
+
 
 @dataclass(frozen=True)
 class Graph:
@@ -55,7 +60,8 @@ class Graph:
     ``inputs`` are the channels that they use, in the order of the table of inputs: readings
     (``device.channel``) and setpoints as written (``device.setpoint_setpoint``). ``outputs`` maps
     each derived channel to its row, ``uses`` to the channels that devices measure for it;
-    ``differences`` are the derived channels that are the difference of two values.
+    ``differences`` are the derived channels that are the difference of two values. ``swept`` are
+    the parameters that differ by trial, ``trials`` their values in SI by number of trial.
     """
 
     rows: tuple[GraphRow, ...]
@@ -65,6 +71,8 @@ class Graph:
     outputs: dict[str, int]
     uses: dict[str, frozenset[str]]
     differences: frozenset[str] = frozenset()
+    swept: tuple[str, ...] = ()
+    trials: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
 
     def number(self, name: str, dimension: Dimension) -> Number:
         """Return the derived channel ``name``, of this ``dimension``, as a part of a formula."""
@@ -82,17 +90,22 @@ class Graph:
 
         That is so after the key `where`, and behind `hold` until its condition holds.
         """
-        waiting, seen = [self.outputs[name]], set[int]()
+        behind = (self.rows[place] for place in self.behind(name))
+        return any(
+            row.op is Op.HOLD or (row.op is Op.WHERE and self._is_unknown(row.c)) for row in behind
+        )
+
+    def behind(self, name: str) -> set[int]:
+        """Return the rows from which the derived channel ``name`` is computed, its own included."""
+        waiting, found = [self.outputs[name]], set[int]()
         while waiting:
             place = waiting.pop()
-            row = self.rows[place]
-            if place in seen or row.op in (Op.CONSTANT, Op.INPUT):
-                continue
-            seen.add(place)
-            if row.op is Op.HOLD or (row.op is Op.WHERE and self._is_unknown(row.c)):
-                return True
-            waiting += (row.a, row.b, row.c)  # one that it lacks is row 0, which uses no other
-        return False
+            if place not in found:
+                found.add(place)
+                row = self.rows[place]
+                if row.op not in (Op.CONSTANT, Op.INPUT, Op.PARAMETER):
+                    waiting += (row.a, row.b, row.c)  # one that it lacks is row 0
+        return found
 
     def _is_unknown(self, place: int) -> bool:
         row = self.rows[place]
@@ -118,6 +131,7 @@ class Builder:
     parameters: list[float] = field(default_factory=list)
     states: int = 0
     inputs: list[str] = field(default_factory=list)
+    swept: list[str] = field(default_factory=list)
     #: Whether what is added now begins anew with each trial.
     reset: bool = False
     _known: dict[tuple[object, ...], int] = field(default_factory=dict)
@@ -126,7 +140,8 @@ class Builder:
     def after(cls, graph: Graph, period_s: float) -> Self:
         """Return a builder that adds to ``graph``: its rows stay what they are."""
         rows, parameters = list(graph.rows), list(graph.parameters)
-        return cls(period_s, rows, parameters, graph.states, list(graph.inputs))
+        inputs, swept = list(graph.inputs), list(graph.swept)
+        return cls(period_s, rows, parameters, graph.states, inputs, swept)
 
     def input(self, name: str, dimension: Dimension, uses: frozenset[str]) -> Number:
         """Return a channel or a setpoint of a device as a part of a formula."""
@@ -134,6 +149,15 @@ class Builder:
             self.inputs.append(name)
         row = self._row(Op.INPUT, (self.inputs.index(name),))
         return Number(math.nan, dimension, row=row, uses=uses)
+
+    def parameter(self, name: str, kind: Number) -> Number:
+        """Return a parameter of the dimension of ``kind``, of which each trial has its value."""
+        if not self.rows:  # the row of operands that an operation lacks
+            self.place(Number(0.0))
+        if name not in self.swept:
+            self.swept.append(name)
+        row = self._row(Op.PARAMETER, (self.swept.index(name),))
+        return Number(math.nan, kind.dimension, is_difference=kind.is_difference, row=row)
 
     def place(self, number: Number) -> int:
         """Return the row that has ``number``."""

@@ -74,6 +74,28 @@ def compute(t_ns: int, begun_ns: int, words: Times, own: Times) -> None:
     )  # fmt: skip
 
 
+@kernel
+def replay(
+    t_ns: Times, begun_ns: int, inputs: Floats, stamps: Times, words: Times, own: Times,
+    packed: Words,
+) -> None:  # fmt: skip
+    """Compute the rows of n cycles, one after the other, as :func:`compute` does in the cycle.
+
+    ``t_ns`` (n,) are their times, ``inputs`` and ``stamps`` (n, k) the values and times of the
+    inputs in each; ``packed`` (n, w) gets the rows of all groups, behind one another.
+    """
+    tables, count = words.view(np.float64), inputs.shape[1]
+    ages = own[own[4] : own[5]].reshape((4, count))
+    row = own[own[9] : own[10]].view(np.uint32)
+    for cycle in range(t_ns.shape[0]):
+        for i in range(count):
+            tables[ages[2, i]] = inputs[cycle, i]
+            words[ages[3, i]] = stamps[cycle, i]
+        compute(t_ns[cycle], begun_ns, words, own)
+        for place in range(packed.shape[1]):
+            packed[cycle, place] = row[place]
+
+
 @inlined
 def evaluate(
     inputs: Floats,
@@ -142,9 +164,10 @@ def gather(
     """Write the row of every group, with its status and its times, to the tables of the cycle.
 
     ``layout`` has for each group where its row and its time stand there (below 0: nowhere), the
-    number of its channels, their rows, the number of its inputs and these. ``taken`` (2) has where
-    the Unix times of the oldest reading in each channel stand, and of the newest, from ``times`` of
-    its row. The status is 2^31 if an input is older than it may be (``ages``), else 0. ``packed``
+    number of its channels, their rows, the number of its inputs and these, the number of its
+    parameters and their rows. ``taken`` (2) has where the Unix times of the oldest reading in each
+    channel stand, and of the newest, from ``times`` of its row. The status is 2^31 if an input is
+    older than it may be (``ages``), or no trial gives a parameter its value; else 0. ``packed``
     gets the rows as a ring has them (:func:`rigd.model.rows.row_dtype`): time, values, and the
     status as uint32.
     """
@@ -171,6 +194,10 @@ def gather(
         late = False
         for read in layout[at + 1 : at + 1 + count]:
             late = late or t_ns - begun_ns - ages[0, read] > ages[1, read]
+        at += 1 + count
+        count = layout[at]
+        for row in layout[at + 1 : at + 1 + count]:
+            late = late or math.isnan(values[row])
         at += 1 + count
         if place >= 0:
             tables[place] = 2147483648.0 if late else 0.0

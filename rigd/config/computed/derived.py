@@ -20,10 +20,44 @@ from rigd.language.number import ExpressionError, Number, number_in
 from rigd.language.operations import Op
 from rigd.language.rows import operate
 from rigd.model.channels import ECHO, Channel
+from rigd.model.constants import Constant
 from rigd.model.units import Unit, dimension_text, parse_unit, si_symbol
 
 #: Name of the recorded stream that belongs to the cycle itself.
 _CYCLE: Final = "cycle"
+
+
+@dataclass(frozen=True)
+class FormulaNames:
+    """What formulas may name: channels by name with those that are ``measured``, and constants.
+
+    ``period_s`` is the shortest time between two values.
+    """
+
+    channels: Mapping[str, Channel]
+    measured: frozenset[str]
+    constants: Mapping[str, Constant]
+    period_s: float
+
+
+@dataclass(frozen=True)
+class ByTrial:
+    """Parameters that differ by trial: the dimension of each, and ``values`` in SI by trial."""
+
+    kinds: Mapping[str, Number]
+    values: Mapping[int, Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class ReadGraph:
+    """A graph, and the channels that were read into it, with their units."""
+
+    graph: Graph
+    channels: Mapping[str, Channel]
+
+
+ALL_ALIKE: Final = ByTrial({}, {})
+_NO_GRAPH: Final = Graph((), (), 0, (), {}, {})
 
 
 def add_derived(
@@ -32,10 +66,12 @@ def add_derived(
     rig: RigConfig,
     problems: Problems,
     named: Find = no_names,
+    by_trial: ByTrial = ALL_ALIKE,
 ) -> RigConfig:
     """Return ``rig`` with the derived channels of ``sources``; problems are noted.
 
-    One graph computes them and those that the rig has. ``named`` knows what is written ``${name}``.
+    One graph computes them and those that the rig has. ``named`` knows what is written ``${name}``,
+    but for what differs ``by_trial``.
     """
     if not sources:
         return rig
@@ -49,31 +85,75 @@ def add_derived(
             )
             return rig
     before = _graph_of(rig)
-    reader = _Reader(document, sources, rig, problems, before, named)
+    found = read_graph(document, sources, _names(rig), problems, named, by_trial, before)
+    if found is None:
+        return rig
+    devices = dict(rig.devices)
+    for group, names in found.graph.groups().items():
+        known = devices.get(group)
+        if known is None:
+            channels = tuple(found.channels[name] for name in names)
+            devices[group] = _device(group, channels, found.graph)
+        elif isinstance(known.config, DerivedConfig):
+            config = known.config.model_copy(update={"graph": found.graph})
+            devices[group] = replace(known, config=config)
+    return replace(rig, devices=devices)
+
+
+def read_graph(
+    document: Document,
+    sources: Mapping[str, DerivedSource],
+    names: FormulaNames,
+    problems: Problems,
+    named: Find = no_names,
+    by_trial: ByTrial = ALL_ALIKE,
+    before: Graph = _NO_GRAPH,
+) -> ReadGraph | None:
+    """Return the graph of ``before`` and of ``sources``; None if one has a problem, which is noted.
+
+    ``sources`` stand in ``document`` below `derived`.
+    """
+    reader = _Reader(document, sources, names, problems, before, named, by_trial)
     found = {name: reader.channel(name) for name in sources}
     if any(term is None for term in found.values()):
-        return rig
+        return None
     terms = {name: term for name, term in found.items() if term is not None}
     outputs = {name: reader.builder.place(term) for name, term in terms.items()}
+    builder = reader.builder
     graph = Graph(
-        rows=tuple(reader.builder.rows),
-        parameters=tuple(reader.builder.parameters),
-        states=reader.builder.states,
-        inputs=tuple(reader.builder.inputs),
+        rows=tuple(builder.rows),
+        parameters=tuple(builder.parameters),
+        states=builder.states,
+        inputs=tuple(builder.inputs),
         outputs=before.outputs | outputs,
         uses=before.uses | {name: term.uses for name, term in terms.items()},
         differences=before.differences
         | {name for name, term in terms.items() if term.is_difference},
+        swept=tuple(builder.swept),
+        trials={
+            number: tuple(values[name] for name in builder.swept)
+            for number, values in by_trial.values.items()
+            if builder.swept
+        },
     )
-    devices = dict(rig.devices)
-    for group, names in graph.groups().items():
-        known = devices.get(group)
-        if known is None:
-            devices[group] = _device(group, names, graph, reader)
-        elif isinstance(known.config, DerivedConfig):
-            config = known.config.model_copy(update={"graph": graph})
-            devices[group] = replace(known, config=config)
-    return replace(rig, devices=devices)
+    return ReadGraph(graph, {name: reader.described(name) for name in sources})
+
+
+def _names(rig: RigConfig) -> FormulaNames:
+    """Return what formulas of ``rig`` may name."""
+    measured = {
+        f"{device.name}.{item.name}": item
+        for device in rig.devices.values()
+        for item in device.channels
+    }
+    written = {
+        f"{device.name}.{item.name}{ECHO}": item
+        for device in rig.devices.values()
+        for item in device.setpoints
+    }
+    return FormulaNames(
+        {**written, **measured}, frozenset(measured), rig.constants, rig.period_ns * 1e-9
+    )
 
 
 def _owner(rig: RigConfig, group: str) -> str:
@@ -87,15 +167,11 @@ def _graph_of(rig: RigConfig) -> Graph:
     """Return the graph of the derived channels that ``rig`` has; an empty one without."""
     configs = (device.config for device in rig.devices.values())
     graphs = (config.graph for config in configs if isinstance(config, DerivedConfig))
-    return next(graphs, Graph((), (), 0, (), {}, {}))
+    return next(graphs, _NO_GRAPH)
 
 
-def _device(group: str, names: list[str], graph: Graph, reader: _Reader) -> DeviceConfig:
-    config = DerivedConfig(
-        graph=graph,
-        group=group,
-        channels=tuple(reader.described(name) for name in names),
-    )
+def _device(group: str, channels: tuple[Channel, ...], graph: Graph) -> DeviceConfig:
+    config = DerivedConfig(graph=graph, group=group, channels=channels)
     return DeviceConfig(
         name=group,
         driver=DERIVED,
@@ -110,10 +186,11 @@ def _device(group: str, names: list[str], graph: Graph, reader: _Reader) -> Devi
 class _Reader:
     document: Document
     sources: Mapping[str, DerivedSource]
-    rig: RigConfig
+    names: FormulaNames
     problems: Problems
     before: Graph  #: that of the derived channels which the rig has
     named: Find
+    by_trial: ByTrial
     builder: Builder = field(init=False)
     _known: dict[str, Number | None] = field(default_factory=dict)
     _units: dict[str, str] = field(default_factory=dict)
@@ -121,7 +198,7 @@ class _Reader:
     _open: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.builder = Builder.after(self.before, self.rig.period_ns * 1e-9)
+        self.builder = Builder.after(self.before, self.names.period_s)
 
     def described(self, name: str) -> Channel:
         """Return the derived channel ``name`` with its unit."""
@@ -188,13 +265,17 @@ class _Reader:
 
         self.builder.reset = source.reset == "trial"
         try:
-            return read_formula(text, self.builder, find, self.named)
+            return read_formula(text, self.builder, find, self._named)
         except ExpressionError as error:
             place = self.document.inside(path, error.offset)
             self.problems.add(place, str(error), error.hint, lacks=error.lacks)
         except _Noted:
             pass  # the problem of the other channel is noted at its own place
         return None
+
+    def _named(self, name: str, offset: int) -> Number:
+        kind = self.by_trial.kinds.get(name)
+        return self.named(name, offset) if kind is None else self.builder.parameter(name, kind)
 
     def _find(self, name: str, offset: int) -> Number:
         if name in self._open:
@@ -209,31 +290,23 @@ class _Reader:
                 raise _Noted
             return replace(term, dimension=plain(term.dimension))  # that of its unit
         if name.startswith("rig."):
-            constant = self.rig.constants.get(name.removeprefix("rig."))
+            constant = self.names.constants.get(name.removeprefix("rig."))
             if constant is None:
-                known = [f"rig.{item}" for item in self.rig.constants]
+                known = [f"rig.{item}" for item in self.names.constants]
                 raise ExpressionError(
                     f"unknown constant {name!r}", offset, suggest(name, known), lacks=name
                 )
             return number_in(constant.value, constant.unit)
-        channel = self.rig.recorded(name)
+        channel = self.names.channels.get(name)
         if channel is None:
-            known = [
-                f"{device.name}.{item}"
-                for device in self.rig.devices.values()
-                for item in (
-                    *(channel.name for channel in device.channels),
-                    *(f"{setpoint.name}{ECHO}" for setpoint in device.setpoints),
-                )
-            ]
             raise ExpressionError(
-                f"unknown channel {name!r}", offset, suggest(name, [*known, *self.sources]),
-                lacks=name,
+                f"unknown channel {name!r}", offset,
+                suggest(name, [*self.names.channels, *self.sources]), lacks=name,
             )  # fmt: skip
+        dimension = parse_unit(channel.unit).dimension
         if name in self.before.outputs:
-            return self.before.number(name, parse_unit(channel.unit).dimension)
-        uses = frozenset({name}) if self.rig.channel(name) else frozenset[str]()
-        return self.builder.input(name, parse_unit(channel.unit).dimension, uses)
+            return self.before.number(name, dimension)
+        return self.builder.input(name, dimension, frozenset({name}) & self.names.measured)
 
     def _unit(self, path: KeyPath, name: str, term: Number, source: DerivedSource) -> Unit | None:
         """Keep the unit of the channel and return it; None if it does not fit the formula."""

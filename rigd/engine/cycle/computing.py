@@ -105,12 +105,12 @@ class Computing:
         self._show = _shows(tables, before, len(stamps))
         self._show_controllers = _shows(tables, acting, len(mounts))
 
-    def begin_trial(self) -> None:
+    def begin_trial(self, trial: int) -> None:
         """Let observers and derived channels that begin anew with each trial do so."""
         for observer in self._observers:
             observer.begin_trial()
         if self._evaluator is not None:
-            self._evaluator.begin_trial()
+            self._evaluator.begin_trial(trial)
 
     def estimate(self, t_ns: int) -> None:
         """Compute observers and derived channels from the readings of the cycle at ``t_ns``."""

@@ -242,9 +242,9 @@ class Cycle:
         self.segment, self.phase = "", HoldPhase.NONE
         self._hold_until_ns = 0
 
-    def begin_trial(self) -> None:
+    def begin_trial(self, trial: int) -> None:
         """Let observers and derived channels that begin anew with each trial do so."""
-        self._computing.begin_trial()
+        self._computing.begin_trial(trial)
 
     def _bound(self, program: CycleProgram | None) -> Player | None:
         if program is None:

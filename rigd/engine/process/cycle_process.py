@@ -229,7 +229,7 @@ class CycleProcess:
 
     def _begin_trial(self, trial: int) -> None:
         if trial not in (self._trial, NO_TRIAL):
-            self._cycle.begin_trial()
+            self._cycle.begin_trial(trial)
         self._trial = trial
 
     def _reply(self, question: m.Question[Any]) -> None:

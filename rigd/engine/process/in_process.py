@@ -92,7 +92,7 @@ class InProcessHost:
     @trial.setter
     def trial(self, number: int) -> None:
         if number not in (self._trial, NO_TRIAL):
-            self.cycle.begin_trial()
+            self.cycle.begin_trial(number)
         self._trial = number
 
     @property

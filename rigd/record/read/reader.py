@@ -9,13 +9,14 @@ from datetime import datetime
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigd.config.problems import suggest
 from rigd.model import RecordingError, Stream
+from rigd.model.rows import TIME_FIELD
 from rigd.record.events.event import Event
 from rigd.record.events.gaps import Gap, with_losses
 from rigd.record.events.trials import Step, steps, trials
@@ -47,6 +48,11 @@ from rigd.record.read.tables import Table, stream_table
 from rigd.record.read.trial import Trial, Trials
 from rigd.record.scan.scan import Scan
 
+if TYPE_CHECKING:
+    from rigd.config.document import Document
+    from rigd.config.source import DerivedSource
+    from rigd.record.read.derived import DerivedStreams, Values
+
 #: Under this name a run attaches its procedure.
 PROCEDURE_FILE: Final = "procedure.yaml"
 #: Rows that :meth:`Recording.batches` gives at a time: 13 MB with 12 channels.
@@ -73,6 +79,7 @@ class Recording:
     gaps: tuple[Gap, ...] = ()  #: rows that are known to be lost
     foreign: Foreign | None = None  #: of a file of another program
     checked: bool = False  #: whether every byte was read
+    added: DerivedStreams | None = None  #: what was computed of it after the fact
 
     @classmethod
     def open(cls, path: str | PathLike[str], *, partial: bool = False) -> Recording:
@@ -128,6 +135,8 @@ class Recording:
     @property
     def streams(self) -> Mapping[str, Stream]:
         """The streams that rigd reads as columns, by name."""
+        if self.added is not None:
+            return {**self.added.recording.streams, **self.added.streams}
         return self.topics.streams
 
     @property
@@ -261,6 +270,8 @@ class Recording:
             RecordingError: no such stream.
 
         """
+        if self.added is not None:
+            return self.added.recording.count(self._timed_by(stream))
         channels = self._channels(stream)
         found = sum(self.contents.counts.get(channel, 0) for channel in channels)
         if self.foreign is None:
@@ -276,7 +287,8 @@ class Recording:
             RecordingError: no such stream.
 
         """
-        lost = (gap.rows or 0 for gap in self.gaps if gap.stream == stream)
+        of = self._timed_by(stream)
+        lost = (gap.rows or 0 for gap in self.gaps if gap.stream == of)
         return self.count(stream) + sum(lost)
 
     def span_ns(self, stream: str) -> tuple[int, int] | None:
@@ -286,6 +298,8 @@ class Recording:
             RecordingError: no such stream.
 
         """
+        if self.added is not None:
+            return self.added.recording.span_ns(self._timed_by(stream))
         channels = self._channels(stream)
         if self.foreign is not None:
             spans = [
@@ -317,8 +331,10 @@ class Recording:
             RecordingError: no such stream, or a damaged chunk.
 
         """
-        self._channels(stream)  # raises if there is no such stream
         low, high = _between(start_ns, end_ns)
+        if (rows := self._computed_rows(stream)) is not None:
+            return rows[_within(rows, low, high)]
+        self._channels(stream)  # raises if there is no such stream
         return self._chunks.read(stream, low, high, check_crc=check_crc)
 
     def batches(
@@ -335,8 +351,12 @@ class Recording:
             RecordingError: no such stream, or a damaged chunk.
 
         """
+        low, high = _between(start_ns, end_ns)
+        if (found := self._computed_rows(stream)) is not None:
+            inside = found[_within(found, low, high)]
+            return (inside[at : at + rows] for at in range(0, len(inside), rows))
         self._channels(stream)  # raises if there is no such stream
-        return self._chunks.batches(stream, *_between(start_ns, end_ns), rows)
+        return self._chunks.batches(stream, low, high, rows)
 
     def events(self) -> list[Event]:
         """Return all events in the order of the file; none if the file has no ``/events``.
@@ -377,6 +397,8 @@ class Recording:
         Raises:
             RecordingError: a damaged chunk or event.
         """
+        if streams is not None and self.added is not None:
+            return self.added.recording.trials_for(self.added.needed(streams)).of(self)
         judged = None if streams is None else {*streams, EVENTS_STREAM}
         gaps = [gap for gap in self.gaps if judged is None or gap.stream in judged]
         attempts = trials(self.all_events)
@@ -412,6 +434,78 @@ class Recording:
         """
         return stream_table(self, stream, [trial.info for trial in self.trials], self.steps)
 
+    def with_derived(self, derived: Mapping[str, str | Mapping[str, str]]) -> Recording:
+        """Return the recording with further channels, which are computed from its own.
+
+        Args:
+            derived: what stands below `derived` in a rig file, by the name of the channel: a
+                formula, or a mapping of the keys `is`, `unit`, `where`, `lowpass` and so on.
+
+        Raises:
+            ConfigError: a channel is wrong, or exists already.
+        """
+        from rigd.record.read.derived import written  # it loads the language
+
+        return self.with_channels(*written(derived))
+
+    def with_channels(
+        self,
+        document: Document,
+        sources: Mapping[str, DerivedSource],
+        defaults: Values | None = None,
+    ) -> Recording:
+        """Return the recording with the derived channels ``sources`` of ``document``.
+
+        ``defaults`` are the values of names that the recording lacks.
+
+        Raises:
+            ConfigError: a channel is wrong, or exists already; names every problem with its place.
+        """
+        from rigd.record.read.derived import derived_streams  # it loads the language
+
+        if not sources:
+            return self
+        return replace(self, added=derived_streams(self, document, sources, defaults))
+
+    def compute(
+        self,
+        formula: str,
+        *,
+        unit: str | None = None,
+        where: str | None = None,
+        lowpass: str | None = None,
+        reset: Literal["run", "trial"] = "run",
+    ) -> Table:
+        """Return a table with the column ``value``: ``formula`` at the times of its channels.
+
+        Formula and arguments are those of derived channels. Values are in SI;
+        ``table.units["value"]`` is their unit.
+
+        Raises:
+            ConfigError: the formula is wrong; with the place in it.
+            RecordingError: a damaged chunk.
+        """
+        keys = {"is": formula, "unit": unit, "where": where, "lowpass": lowpass, "reset": reset}
+        group = "computed"
+        while group in self.streams:
+            group += "_"
+        given = {key: text for key, text in keys.items() if text is not None}
+        return self.with_derived({f"{group}.value": given})[group]
+
+    def _timed_by(self, stream: str) -> str:
+        """Return the recorded stream with the times of a derived one, or the stream itself."""
+        if self.added is None or stream not in self.added.streams:
+            return stream
+        return self.added.bases[stream]
+
+    def _computed_rows(self, stream: str) -> NDArray[np.void] | None:
+        """Return all rows of a derived stream that was added; None of another one."""
+        if self.added is None:
+            return None
+        if stream in self.added.streams:
+            return self.added.rows(stream)
+        return self.added.recording._computed_rows(stream)  # noqa: SLF001 - of the same class
+
     @cached_property
     def attachments(self) -> Mapping[str, Attachment]:
         """The attached files by name; the last of a name counts.
@@ -432,7 +526,7 @@ class Recording:
         return procedure is None or b"changes:" in procedure.data
 
     def _channels(self, stream: str) -> Channels:
-        if stream not in self.streams:
+        if stream not in self.topics.streams:
             raise RecordingError(
                 f"{self.path} has no stream {stream!r}", hint=suggest(stream, self.streams)
             )
@@ -456,6 +550,12 @@ def open_recording(path: str | PathLike[str], *, partial: bool = False) -> Recor
         RecordingError: missing, empty, cut short (unless partial), or not an MCAP file.
     """
     return Recording.open(path, partial=partial)
+
+
+def _within(rows: NDArray[np.void], low: int, high: int) -> slice:
+    """Return which rows have ``low <= t_ns < high``."""
+    times = rows[TIME_FIELD]
+    return slice(int(np.searchsorted(times, low)), int(np.searchsorted(times, high)))
 
 
 def _between(start_ns: int | None, end_ns: int | None) -> tuple[int, int]:

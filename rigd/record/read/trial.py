@@ -136,6 +136,10 @@ class Trials(Sequence[Trial]):
     def __iter__(self) -> Iterator[Trial]:
         return (Trial(self._recording, attempt) for attempt in self._attempts)
 
+    def of(self, recording: Recording) -> Trials:
+        """Return the same trials of ``recording``."""
+        return Trials(recording, self._attempts)
+
     def number(self, number: int) -> Trial:
         """Return the trial of that number: the last attempt that is complete, else the last.
 

@@ -191,14 +191,14 @@ def test_integral_over_unknown_value_stays_unknown_until_reset() -> None:
     found = bound.play([1.0, 1.0, math.nan, 1.0, 1.0])
     assert found[:2] == pytest.approx([0.0, 1e-3])
     assert all(math.isnan(value) for value in found[2:])
-    bound.evaluator.begin_trial()
+    bound.evaluator.begin_trial(1)
     assert [bound.cycle(n, 1.0) for n in (5, 6)] == pytest.approx([0.0, 1e-3])
 
 
 def test_reset_belongs_to_channels_that_ask_for_it() -> None:
     bound = Bound("integral(dev_a.x)")
     bound.play([1.0, 1.0])
-    bound.evaluator.begin_trial()
+    bound.evaluator.begin_trial(1)
     assert bound.cycle(2, 1.0) == pytest.approx(2e-3)
 
 
