@@ -17,7 +17,7 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import Procedure
 from rigd.procedure.program import CompiledProcedure, IdentifyPlan
 from rigd.procedure.sweep import MAX_SIZE
-from rigd.sdk.analysis import ANY_UNIT
+from rigd.sdk.analysis import ANY_UNIT, choices
 
 if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
@@ -200,7 +200,9 @@ def _check_unit(signal: str, unit: str, written: str, rig: RigConfig, place: Pla
 
 def of_kind(found: str, wanted: str) -> bool:
     """Return whether a channel in the unit ``found`` can be a signal in ``wanted``."""
-    return wanted == ANY_UNIT or parse_unit(found).same_kind(parse_unit(wanted))
+    return wanted == ANY_UNIT or any(
+        parse_unit(found).same_kind(parse_unit(unit)) for unit in choices(wanted)
+    )
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

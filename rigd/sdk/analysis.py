@@ -21,6 +21,12 @@ OptionName = Literal[
 
 #: The unit of a signal that may have any.
 ANY_UNIT: Final = "any"
+_OR: Final = " or "
+
+
+def choices(unit: str) -> tuple[str, ...]:
+    """Return the units of a signal that may be of several kinds: ``N or N m`` are two."""
+    return tuple(unit.split(_OR))
 
 
 @dataclass(frozen=True)
@@ -38,9 +44,9 @@ class Needs:
     """The inputs that the plan of a procedure must give, and those that it may give.
 
     ``signals`` and ``optional_signals`` map names to units; a channel must have a unit of the same
-    kind, or any for ``ANY_UNIT``. ``constant_units`` maps constants to units likewise, "1" for a
-    plain number; one that is not in it may have any. ``references`` are results that a plan may
-    give published values of.
+    kind, of one of the kinds for ``N or N m``, or any for ``ANY_UNIT``. ``constant_units`` maps
+    constants to units likewise, "1" for a plain number; one that is not in it may have any.
+    ``references`` are results that a plan may give published values of.
     """
 
     signals: Mapping[str, str]

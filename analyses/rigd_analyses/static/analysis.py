@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from rigd.analysis import Analysis, Evaluation, Needs, Options
+from rigd.analysis import Analysis, Evaluation, Options
+from rigd_analyses.static.needs import NEEDS
 
 if TYPE_CHECKING:
     from rigd.analysis.recordings.source import RecordedSweep
 
 
 class StaticFrictionAnalysis(Analysis):
-    """A static friction law, force over speed: Coulomb, Stribeck and viscous friction."""
+    """A static friction law, force over speed: Coulomb, Stribeck and viscous friction.
 
-    needs = Needs(
-        signals={"force": "N", "speed": "m/s"},
-        references=("F_c", "F_s", "v_s", "k_v"),
-    )
+    Also torque over angular speed, or a coefficient of friction over either; units follow.
+    """
+
+    needs = NEEDS
     options = ("starts", "seed", "robust", "by_recording")
 
     def evaluate(

@@ -8,12 +8,13 @@ steady motion: samples at rest, and where the speed changes fast, do not count.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from rigd.analysis import DataError, Options
+from rigd.analysis import DataError, Options, quotient
 from rigd.analysis.fitting.model import FitParameter
 from rigd.analysis.fitting.response import (
     Axis,
@@ -38,6 +39,7 @@ from rigd.analysis.result import (
     Preprocessing,
     Verdict,
 )
+from rigd_analyses.static.needs import NEEDS
 
 #: Below this share of the highest speed of a trial the body may be at rest.
 REST_SHARE: Final = 0.01
@@ -53,19 +55,35 @@ APART: Final = 0.05
 LEAST_SPEEDS: Final = 5
 SLOWER: Final = "Play strokes from a hundredth of the speed on, in small steps."
 FASTER: Final = "Play strokes at speeds of 1 to 10: only a range of speeds parts the two."
-WORDING: Final = Wording(
-    model="static-friction",
-    method="static law on samples in steady motion",
-    title="Static friction law",
-    x=Axis("speed", "m/s"),
-    y=Axis("friction", "N"),
-    quantities=(
-        ResponseQuantity("F_c", "Coulomb friction", FASTER),
-        ResponseQuantity("F_s", "friction just after breakaway", SLOWER),
-        ResponseQuantity("v_s", "speed at which the Stribeck effect ends", SLOWER),
-        ResponseQuantity("k_v", "friction in proportion to the speed", FASTER),
-    ),
+QUANTITIES: Final = (
+    ResponseQuantity("F_c", "Coulomb friction", FASTER),
+    ResponseQuantity("F_s", "friction just after breakaway", SLOWER),
+    ResponseQuantity("v_s", "speed at which the Stribeck effect ends", SLOWER),
+    ResponseQuantity("k_v", "friction in proportion to the speed", FASTER),
 )
+#: What the friction is in its unit, and the speed.
+FRICTION: Final = {"N": "friction", "N m": "friction torque", "1": "friction coefficient"}
+SPEED: Final = {"m/s": "speed", "rad/s": "angular speed"}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The units of friction and speed, as the report states them."""
+
+    force: str
+    speed: str
+
+    @property
+    def wording(self) -> Wording:
+        """The words of the report on a law of this pair."""
+        return Wording(
+            model="static-friction",
+            method="static law on samples in steady motion",
+            title="Static friction law",
+            x=Axis(SPEED[self.speed], self.speed),
+            y=Axis(FRICTION[self.force], self.force),
+            quantities=QUANTITIES,
+        )
 
 
 def evaluate(
@@ -91,7 +109,8 @@ def identify(group: Group, options: Options) -> IdentificationResult:
     Raises:
         DataError: a sample is not finite, or nothing moves.
     """
-    found = [response(sweep, trial) for sweep, trial in group.trials]
+    pair = pair_of(group)
+    found = [response(sweep, trial, pair) for sweep, trial in group.trials]
     trials = tuple(trial for trial, _ in found)
     rules = tuple(dict.fromkeys(rule for _, by_trial in found for rule in by_trial))
     if len(group.recordings) > 1:  # each begins with trial 1
@@ -106,13 +125,34 @@ def identify(group: Group, options: Options) -> IdentificationResult:
             hint="hold each speed for 1 s or longer; `rigd report` draws the recording",
         )
     size = float(np.median(np.abs(force))) or 1.0
-    model = ResponseModel(parameters(size, speed, force), friction, trials, size)
-    result = identify_response(model, WORDING, options, account(trials, rules))
+    model = ResponseModel(parameters(pair, size, speed, force), friction, trials, size)
+    result = identify_response(model, pair.wording, options, account(trials, rules))
     return _within_reach(result, speeds(speed))
 
 
+def pair_of(group: Group) -> Pair:
+    """Return the units of friction and speed that the trials of ``group`` have in common.
+
+    Raises:
+        DataError: they have several, or one that the model does not take.
+    """
+    sweeps = {sweep.path: sweep for sweep, _ in group.trials}
+    pairs: dict[Pair, Path] = {}
+    for path, sweep in sweeps.items():
+        pairs.setdefault(
+            Pair(*(sweep.unit(name, NEEDS.signals[name]) for name in ("force", "speed"))), path
+        )
+    if len(pairs) > 1:
+        found = ", ".join(f"{path} has {x.force} over {x.speed}" for x, path in pairs.items())
+        raise DataError(
+            f"trials of one group are of different quantities: {found}",
+            hint="identify each by itself, with a command each or with `--group-by recording`",
+        )
+    return next(iter(pairs))
+
+
 def speeds(speed: FloatArray) -> int:
-    """Return how many different speeds the samples (n,), above 0 in m/s, show."""
+    """Return how many different speeds the samples (n,), all above 0, show."""
     sorted_logs = np.sort(np.log(speed))
     ends = np.flatnonzero(np.diff(sorted_logs) > APART)
     parts = np.split(sorted_logs, ends + 1)
@@ -136,7 +176,7 @@ def _within_reach(result: IdentificationResult, count: int) -> IdentificationRes
             f"parameters: it needs {LEAST_SPEEDS}."
         )
         reasons = dict.fromkeys((item.name for item in result.parameters), few)
-    advice = {item.symbol: item.advice for item in WORDING.quantities}
+    advice = {item.symbol: item.advice for item in QUANTITIES}
     parameters = tuple(
         replace(
             item, low=None, high=None, standard_error=None, verdict=Verdict.UNIDENTIFIABLE,
@@ -150,7 +190,7 @@ def _within_reach(result: IdentificationResult, count: int) -> IdentificationRes
 
 
 def friction(theta: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the friction in N (n,) at a speed above 0 in m/s, and its derivatives (n, 4)."""
+    """Return the friction (n,) at speeds above 0, in units of the pair, and derivatives (n, 4)."""
     coulomb, breakaway, stribeck, viscous = theta
     share = np.exp(-((speed / stribeck) ** 2))
     drop = breakaway - coulomb
@@ -159,30 +199,34 @@ def friction(theta: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArr
     return coulomb + drop * share + viscous * speed, derivatives
 
 
-def parameters(size_n: float, speed: FloatArray, force: FloatArray) -> tuple[FitParameter, ...]:
-    """Return the parameters with wide bounds around the size of force in N and speed in m/s.
+def parameters(
+    pair: Pair, size: float, speed: FloatArray, force: FloatArray
+) -> tuple[FitParameter, ...]:
+    """Return the parameters with wide bounds around the ``size`` of the force and the speeds.
 
-    The first start is the straight line through all samples.
+    All are in units of the pair. The first start is the straight line through all samples.
     """
     low, usual = (float(x) for x in np.quantile(speed, [0.01, 0.5]))
-    viscous = size_n / usual
+    viscous = size / usual
     centre = float(np.mean(speed))
     spread = float(np.sum((speed - centre) ** 2)) or 1.0
     slope = float(np.sum((speed - centre) * force)) / spread
     constant = float(np.mean(force)) - slope * centre
-    coulomb = float(np.clip(constant, 0.01 * size_n, size_n))
+    coulomb = float(np.clip(constant, 0.01 * size, size))
     return (
-        FitParameter("F_c", "N", 1e-3 * size_n, 1e2 * size_n, coulomb),
-        FitParameter("F_s", "N", 1e-3 * size_n, 1e2 * size_n, 1.2 * coulomb),
-        FitParameter("v_s", "m/s", 1e-2 * low, 1e1 * usual, min(2.0 * low, usual)),
+        FitParameter("F_c", pair.force, 1e-3 * size, 1e2 * size, coulomb),
+        FitParameter("F_s", pair.force, 1e-3 * size, 1e2 * size, 1.2 * coulomb),
+        FitParameter("v_s", pair.speed, 1e-2 * low, 1e1 * usual, min(2.0 * low, usual)),
         FitParameter(
-            "k_v", "N s/m", 1e-5 * viscous, 1e1 * viscous,
+            "k_v", quotient(pair.force, pair.speed), 1e-5 * viscous, 1e1 * viscous,
             float(np.clip(slope, 1e-3 * viscous, viscous)),
         ),
     )  # fmt: skip
 
 
-def response(sweep: RecordedSweep, trial: TrialInfo) -> tuple[ResponseTrial, tuple[str, ...]]:
+def response(
+    sweep: RecordedSweep, trial: TrialInfo, pair: Pair
+) -> tuple[ResponseTrial, tuple[str, ...]]:
     """Return speed and friction of one trial, both in the direction of motion.
 
     With them sentences on how signals of several streams came to the same rows.
@@ -205,7 +249,7 @@ def response(sweep: RecordedSweep, trial: TrialInfo) -> tuple[ResponseTrial, tup
     bent = {**rows.signals, **rows.curved}
     found = ResponseTrial(
         label=f"trial {trial.number}",
-        condition=f"up to {top:.3g} m/s",
+        condition=f"up to {top:.3g} {pair.speed}",
         recording=str(sweep.path),
         t_s=rows.t_s,
         x=x,

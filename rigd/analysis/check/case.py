@@ -18,7 +18,7 @@ from rigd.analysis.calibration import ATTACHMENT
 from rigd.model.channels import Channel, Stream
 from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.record import Attachment, RecordingWriter
-from rigd.sdk.analysis import ANY_UNIT
+from rigd.sdk.analysis import ANY_UNIT, choices
 
 #: The device that gives all signals of a case.
 DEVICE: Final = "bench"
@@ -51,7 +51,8 @@ class Case:
     the trials that holds it. ``truth`` are the parameters that they were simulated from, which must
     be found; ``unknown`` those that they cannot hold, of which no number may be quoted.
     ``symbols`` are those by which the report calls what is found, by name.
-    ``calibration`` is the text of a calibration file, for an analysis that needs one.
+    ``calibration`` is the text of a calibration file, for an analysis that needs one. ``units`` are
+    those of signals that may be of several kinds, if not the first.
     """
 
     trials: Sequence[SimulatedTrial]
@@ -60,6 +61,7 @@ class Case:
     unknown: tuple[str, ...] = ()
     calibration: str = ""
     symbols: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_case(
@@ -87,7 +89,9 @@ def write_case(
     ):
         raise ValueError("all trials of a case have the same signals, one at least, and channels")
     declared = {**analysis.needs.signals, **analysis.needs.optional_signals}
-    units = {name: "1" if unit == ANY_UNIT else unit for name, unit in declared.items()}
+    units = {
+        name: "1" if unit == ANY_UNIT else choices(unit)[0] for name, unit in declared.items()
+    } | dict(case.units)
     recorded = (_channel(name, units.get(name, "1"), displayed) for name in (*names, *beside))
     stream = Stream(DEVICE, tuple(recorded))
     plan = {

@@ -45,7 +45,7 @@ from rigd.analysis.recordings.source import RecordedSweep, open_sweep
 from rigd.analysis.terminal import TerminalTable
 from rigd.model.errors import RigdError
 from rigd.model.units import parse_unit
-from rigd.sdk.analysis import ANY_UNIT
+from rigd.sdk.analysis import ANY_UNIT, choices
 from rigd.sdk.check import Finding, NonConforming, Report
 from rigd.sdk.check.subject import described
 
@@ -225,7 +225,8 @@ class _Bench:
         needs = self._analysis.needs
         for name, unit in {**needs.signals, **needs.optional_signals}.items():
             try:
-                parse_unit("1" if unit == ANY_UNIT else unit)
+                for item in choices(unit):
+                    parse_unit("1" if item == ANY_UNIT else item)
             except ValueError as error:
                 yield f"signal {name}: {error}", "give a unit that rigd knows, such as N m/V"
         constants = (*needs.constants, *needs.optional_constants)

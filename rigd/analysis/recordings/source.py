@@ -41,6 +41,7 @@ from rigd.procedure.program import IdentifyPlan
 from rigd.record import Event, Recording, RunInfo, TrialInfo
 from rigd.record.events.trials import held
 from rigd.record.read.info import COMPLETE
+from rigd.sdk.analysis import choices
 
 #: Here also what the author of an analysis needs of recordings as such.
 __all__ = [
@@ -343,6 +344,22 @@ class RecordedSweep:
                 hint="samples are missing or decimated: record all streams of the model whole; "
                 "repeat the trial if a device was late",
             ) from error
+
+    def unit(self, signal: str, wanted: str) -> str:
+        """Return which of the units ``wanted``, such as ``N or N m``, is that of a signal.
+
+        Raises:
+            DataError: the plan does not name the signal, it was not recorded, or it has another.
+        """
+        stream, name = self.field(signal)
+        found = next(item.unit for item in stream.channels if item.name == name)
+        for unit in choices(wanted):
+            if parse_unit(found).same_kind(parse_unit(unit)):
+                return unit
+        raise DataError(
+            f"{self.path}: the signal {signal} is {stream.name}.{name}, in {found}; model "
+            f"{self.plan.model} works from {wanted}"
+        )
 
     def field(self, signal: str) -> tuple[Stream, str]:
         """Return the stream and the channel of it that give a signal of the plan.
