@@ -23,6 +23,8 @@ _END_S: Final = 2.0
 #: A process that was killed is waited for so long, in s.
 _DEAD_S: Final = 0.5
 _LOOK_S: Final = 0.01
+#: It stood still as this computer did: so long it may still answer then, in s.
+_LATE_S: Final = 0.2
 _HELPER: Final = "rigd_drivers.instruments.pymeasure_bridge.helper"
 
 
@@ -91,24 +93,16 @@ class Process:
         if self._writer is None or self._reader is None:
             raise Gone(f"the process of {self._where} does not run")
         self._asked += 1
-        answer: dict[str, Any] = {"id": 0}
         with contextlib.suppress(OSError):  # then there is no answer
             self._writer.write(json.dumps({"id": self._asked, **request}).encode() + b"\n")
-        try:
-            async with asyncio.timeout(limit_s):
-                while answer["id"] != self._asked:  # answers to what was cancelled come before
-                    line = await self._reader.readline()
-                    if not line:
-                        raise self._death()
-                    answer = json.loads(line)
-        except TimeoutError:
+        answer = await self._answer(self._reader, limit_s)
+        answer = answer or await self._answer(self._reader, _LATE_S)
+        if answer is None:
             self.kill()
             raise Gone(
                 f"{self._where}: PyMeasure did not return within {limit_s:g} s",
                 hint="check that it is on, its cable and its settings",
-            ) from None
-        except OSError:
-            raise self._death() from None
+            )
         match answer.get("kind"):
             case None:
                 return answer["value"]
@@ -117,6 +111,20 @@ class Process:
             case "lost":
                 raise LinkError(answer["text"])
         raise DeviceError(answer["text"])
+
+    async def _answer(self, reader: asyncio.StreamReader, limit_s: float) -> dict[str, Any] | None:
+        """Return the answer to the last request; None if there is none within ``limit_s``."""
+        try:
+            async with asyncio.timeout(limit_s):
+                while line := await reader.readline():
+                    answer: dict[str, Any] = json.loads(line)
+                    if answer["id"] == self._asked:  # those to what was cancelled come before
+                        return answer
+        except TimeoutError:
+            return None
+        except OSError:
+            pass
+        raise self._death()
 
     async def end(self, limit_s: float = _END_S) -> None:
         """Close the connection, and wait until the process has made safe and closed the instrument.

@@ -471,6 +471,23 @@ def test_end_lets_a_slow_safe_finish(switch: dict[str, Any]) -> None:
     wait_until_off(switch)
 
 
+def test_answer_during_stall_of_computer_counts(switch: dict[str, Any]) -> None:
+    job = {"visa_library": "", "connection": {}, "timeout_ms": 200, "start": [],
+           "safe": [], "acted": False, **switch}  # fmt: skip
+
+    async def main() -> None:
+        process = Process(job, "the switch")
+        await process.start()
+        await process.ask(OPEN_S, do="open")
+        asked = asyncio.create_task(process.ask(0.1, do="start"))
+        await asyncio.sleep(0.0)
+        time.sleep(1.0)  # the event loop does nothing for ten times the limit
+        await asked
+        await process.end()
+
+    asyncio.run(main())
+
+
 def test_refused_opening_undoes_start(switch: dict[str, Any]) -> None:
     config = PymeasureConfig.model_validate(
         {**switch, "channels": {"level": {"read": "level", "unit": "V", "high": "0.5 V"}},
