@@ -471,7 +471,7 @@ class _Played:
 
     def _write_without_a_read(self, setpoints: Sequence[float]) -> None:
         self._last = self._wanted = clipped(self._channels, setpoints)
-        end = time.monotonic() + 3 * AGE_S
+        end = time.monotonic() + 8 * AGE_S
         while time.monotonic() < end:  # what is read then is the newest, and not the oldest
             expect("write", self._found.cycle(self._last, 0.0, reads=False))
             self._called_s = time.monotonic()
