@@ -7,7 +7,7 @@ steady motion: samples at rest, and where the speed changes fast, do not count.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from rigd.analysis import DataError, Options, quotient
+from rigd.analysis.fitting.directions import NAME as DIRECTIONS
 from rigd.analysis.fitting.model import FitParameter
 from rigd.analysis.fitting.response import (
     Axis,
@@ -23,6 +24,7 @@ from rigd.analysis.fitting.response import (
     ResponseTrial,
     Wording,
     identify_response,
+    one_way,
 )
 from rigd.analysis.parameters import (
     Fitted,
@@ -89,7 +91,7 @@ class Pair:
 def evaluate(
     sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
 ) -> ParameterEvaluation:
-    """Return the law of each group of trials.
+    """Return the law of each group of trials; of one whose directions differ, that of each.
 
     Raises:
         DataError: a recording has no complete trial, or the data of no group can answer.
@@ -99,12 +101,18 @@ def evaluate(
         lambda group: identify(group, options),
         options.processes,
     )
-    fitted = [Fitted(group, result) for group, result in found]
+    fitted = [
+        Fitted(replace(group, label=f"{group.label}{way}"), result)
+        for group, results in found
+        for way, result in results.items()
+    ]
     return ParameterEvaluation.of(sweeps, fitted, options, refused=refused, bridged=False)
 
 
-def identify(group: Group, options: Options) -> IdentificationResult:
-    """Return the law of one group of trials.
+def identify(group: Group, options: Options) -> Mapping[str, IdentificationResult]:
+    """Return the law of one group of trials, by what its label needs besides.
+
+    If its directions differ it is a law of each: neither has the mean of both.
 
     Raises:
         DataError: a sample is not finite, or nothing moves.
@@ -126,8 +134,24 @@ def identify(group: Group, options: Options) -> IdentificationResult:
         )
     size = float(np.median(np.abs(force))) or 1.0
     model = ResponseModel(parameters(pair, size, speed, force), friction, trials, size)
-    result = identify_response(model, pair.wording, options, account(trials, rules))
-    return _within_reach(result, speeds(speed))
+    result = _identified(model, pair, options, rules)
+    differ = [x for x in result.residual_tests if x.name == DIRECTIONS and not x.passed]
+    if not differ:
+        return {"": result}
+    found_each = {}
+    for way, sign in ((", forward", 1.0), (", backward", -1.0)):
+        each = _identified(one_way(model, sign), pair, options, rules)
+        said = [x.sentence for x in differ]
+        found_each[way] = replace(each, warnings=(*said, *each.warnings))
+    return found_each
+
+
+def _identified(
+    model: ResponseModel, pair: Pair, options: Options, rules: Sequence[str]
+) -> IdentificationResult:
+    """Return the law of ``model`` within the reach of its speeds; raises as :func:`identify`."""
+    result = identify_response(model, pair.wording, options, account(model.trials, rules))
+    return _within_reach(result, speeds(model.x[model.mask > 0.0]))
 
 
 def pair_of(group: Group) -> Pair:
@@ -255,6 +279,7 @@ def response(
         x=x,
         measured=measured,
         used=(np.abs(speed) > REST_SHARE * top) & steady(rows.t_s, speed, top),
+        direction=np.where(speed < 0.0, -1.0, 1.0),
         otherwise=_folded(bent["speed"], bent["force"]) if rows.curved else None,
     )
     return found, rows.rules

@@ -21,6 +21,7 @@ import numpy as np
 from rigd.analysis.analysis import Options
 from rigd.analysis.fitting import residuals as tests
 from rigd.analysis.fitting.agreement import agreement
+from rigd.analysis.fitting.directions import directions
 from rigd.analysis.fitting.fit import fit
 from rigd.analysis.fitting.identification import FittedSubject, identify_model
 from rigd.analysis.fitting.interval_width import Spread
@@ -72,7 +73,9 @@ class ResponseTrial:
     """One trial: (n,) times in s, input, measured output, and which samples count.
 
     ``otherwise`` are input and output (n,) as another processing has them: how far the parameters
-    move with it is in their intervals.
+    move with it is in their intervals. ``direction`` (n,) is +1 where the motion is forward and -1
+    where it is backward, of a trial whose input and output are taken in the direction of motion:
+    that both directions have the model in common is tested.
     """
 
     label: str
@@ -83,6 +86,7 @@ class ResponseTrial:
     measured: FloatArray
     used: BoolArray
     otherwise: tuple[FloatArray, FloatArray] | None = None
+    direction: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,14 +198,42 @@ def identify_response(
         unit=wording.y.unit,
     )
     result = identify_model(subject, options)
-    common = _agreement(model, result, max(1, round(block_s / period_s)))
-    if common is None:
-        return result
+    block = max(1, round(block_s / period_s))
+    further = [
+        test
+        for test in (_agreement(model, result, block), _directions(model, result, wording, block))
+        if test is not None
+    ]
     return replace(
         result,
-        residual_tests=(*result.residual_tests, common),
-        warnings=(*result.warnings, *([] if common.passed else [common.sentence])),
+        residual_tests=(*result.residual_tests, *further),
+        warnings=(*result.warnings, *(test.sentence for test in further if not test.passed)),
     )
+
+
+def one_way(model: ResponseModel, direction: float) -> ResponseModel:
+    """Return ``model`` of the samples forward (1.0) or backward (-1.0) alone.
+
+    Trials with fewer of them than determine their scatter are left out.
+    """
+    trials = (
+        replace(trial, used=trial.used & (trial.direction == direction)) for trial in model.trials
+    )
+    kept = tuple(trial for trial in trials if np.count_nonzero(trial.used) >= _FEWEST)
+    return replace(model, trials=kept)
+
+
+def _directions(
+    model: ResponseModel, result: IdentificationResult, wording: Wording, block: int
+) -> ResidualTest | None:
+    """Return the test whether both directions share the model; None if all goes one way."""
+    each = [trial.direction for trial in model.trials if trial.direction is not None]
+    if len(each) < len(model.trials) or not all(one_way(model, x).trials for x in (1.0, -1.0)):
+        return None
+    theta = np.array([item.estimate for item in result.parameters])
+    fitted = model.response(theta, model.x)[0]
+    found = directions(model, theta, np.concatenate(each), fitted, model.scale, block)
+    return None if found is None else found.test(wording.y.name, wording.y.unit)
 
 
 def _otherwise(model: ResponseModel, theta: FloatArray) -> tuple[FloatArray, ...]:
