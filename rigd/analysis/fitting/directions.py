@@ -38,7 +38,7 @@ NAME: Final = "agreement of directions"
 _TINY: Final = float(np.finfo(np.float64).tiny)
 
 
-class Difference(Enum):
+class Asymmetry(Enum):
     """What a difference of the directions does over the speeds, as far as the data tell."""
 
     CONSTANT = (
@@ -70,7 +70,7 @@ class Directions:
     amount: tuple[float, float]
     statistic: float
     p_value: float
-    shape: Difference
+    shape: Asymmetry
 
     @property
     def agree(self) -> bool:
@@ -119,9 +119,9 @@ def directions(
     )
     better = min(constant, by_friction, key=lambda item: item.cost)
     gain = better.effective * math.log(constant.cost / by_friction.cost)  # of -2 ln L
-    added, shape = constant, Difference.UNKNOWN if gain > -VERY_STRONG else Difference.CONSTANT
+    added, shape = constant, Asymmetry.UNKNOWN if gain > -VERY_STRONG else Asymmetry.CONSTANT
     if gain >= VERY_STRONG:
-        added, shape = by_friction, Difference.FRICTION
+        added, shape = by_friction, Asymmetry.FRICTION
     alone = np.append(np.zeros(len(theta)), 1.0)
     mean = np.append(np.mean(jacobian, axis=0), 0.0)
     half, sd, freedom = added.spread(alone)
