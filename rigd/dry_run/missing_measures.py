@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from rigd.procedure.conditions.condition_text import describe_until
+from rigd.procedure.measures import events_of
 from rigd.procedure.program import Comparison, CompiledProcedure, Condition, CycleProgram
 
 
@@ -28,8 +29,8 @@ def missing_measures(
         if step is not None and step not in played:
             yield f"measure {measure.name}: step {step!r} plays in no trial"
             continue
-        for event in (measure.since, measure.when):
-            if event and not any(all(_may_hold(item, peaks) for item in row) for row in event):
+        for event in events_of(measure):
+            if not any(all(_may_hold(item, peaks) for item in row) for row in event):
                 yield (
                     f"measure {measure.name}: {describe_until(event)} never holds, so trial "
                     f"{procedure.trials[0].number} gives no number"

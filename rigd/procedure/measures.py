@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from rigd.config.document import KeyPath
@@ -18,6 +18,7 @@ from rigd.config.quantities import rate_unit, read_uncertainty
 from rigd.config.rig import RigConfig
 from rigd.model.channels import ECHO
 from rigd.model.units import dimension_text, parse_unit
+from rigd.procedure.conditions.condition_text import describe_window
 from rigd.procedure.conditions.conditions import ChannelFinder, check_reachable, read_comparisons
 from rigd.procedure.expression import Scope
 from rigd.procedure.program import (
@@ -32,7 +33,7 @@ from rigd.procedure.program import (
     Window,
 )
 from rigd.procedure.reader import Reader
-from rigd.procedure.source import BoundsSource, MeasureSource, ProcedureSource
+from rigd.procedure.source import BoundsSource, MeasureSource, PartSource, ProcedureSource
 
 #: What is read off the samples of a channel, in the order of the file's keys.
 KINDS: Final = (
@@ -41,16 +42,24 @@ KINDS: Final = (
 #: Those that are differences of values, and never offset.
 _DIFFERENCES: Final = frozenset({"peak_to_peak", "std"})
 _WINDOW: Final = re.compile(
-    r"\s*(?:(?P<side>first|last)\s+(?P<span>.+?)\s+of\s+|(?P<begin>.+?)\s+to\s+(?P<end>.+?)\s+of\s+)?"
-    r"(?P<step>[A-Za-z][\w /.-]*?)\s*$"
+    r"\s*(?:(?P<side>first|last)\s+(?P<span>[^A-Za-z\s].*?)"
+    r"|(?P<begin>[^A-Za-z\s].*?)\s+to\s+(?P<end>.+?))(?:\s+of\s+(?P<step>\S.*?))?\s*$"
 )
+_STEP: Final = re.compile(r"\s*[A-Za-z][\w /.-]*$")
 
 
 def measured_channels(measures: Collection[Measure]) -> frozenset[str]:
     """Return the channels that ``measures`` need."""
-    rows = [row for item in measures for row in (*item.when, *item.since)]
+    rows = [row for item in measures for event in events_of(item) for row in event]
     own = {item.channel for item in measures if item.channel}
     return frozenset(own | {condition.channel for row in rows for condition in row})
+
+
+def events_of(measure: Measure) -> tuple[Rows, ...]:
+    """Return the conditions that a measure needs, those of its window too."""
+    window = measure.window
+    events = (measure.since, measure.when, window.since, window.until, window.holds)
+    return tuple(event for event in events if event)
 
 
 def read_measures(
@@ -140,7 +149,7 @@ def check_measures(
                 reader.note_key(path, f"{channel} is not recorded",
                                 f"add '{device}: 1' to 'record'")  # fmt: skip
             elif recorded.capture is not None or not _covers(recorded, measure.window, steps):
-                message = f"{channel} is not recorded in all of {measure.window}"
+                message = f"{channel} is not recorded in all of {describe_window(measure.window)}"
                 hint = "record it always, or during the steps that are measured"
                 reader.note_key(path, message, hint)
     return first
@@ -287,34 +296,59 @@ class _Reading:
         return rows
 
     def _window(self) -> Window:
-        text = self.source.during
+        during, path = self.source.during, (*self.path, "during")
+        if not isinstance(during, PartSource):
+            return self._part(path, during)
+        if not (during.since or during.to or during.holds):
+            self.reader.note_key(path, "it has no condition",
+                                 "give 'from', 'to' or 'while'; a step or times alone are a text, "
+                                 "such as 'last 2 s of STEP'")  # fmt: skip
+        if during.nth > 1 and not during.since:
+            self.reader.note_key((*path, "nth"), "'nth' has no effect without 'from'",
+                                 "add 'from: CONDITION'")  # fmt: skip
+        if during.holds and self.source.duration is not None:
+            self.reader.note_key((*path, "while"), "'while' has no effect beside 'duration'",
+                                 "select a part of the trial by 'from' and 'to'")  # fmt: skip
+        since, until, holds = (
+            self._rows(("during", key), texts or [])
+            for key, texts in (("from", during.since), ("to", during.to), ("while", during.holds))
+        )
+        part = self._part((*path, "of"), during.of)
+        return replace(part, since=since, until=until, holds=holds, nth=during.nth)
+
+    def _part(self, path: KeyPath, text: str | None) -> Window:
         if text is None:
             return Window()
-        path = (*self.path, "during")
         if text.strip() in self.steps:
             return Window(text.strip())
         match = _WINDOW.match(text)
         if match is None:
-            hint = "write a step, 'last 2 s of STEP' or '1 s to 3 s of STEP'"
-            self.reader.note(path, f"cannot read {text!r} as a part of the trial", hint)
+            if _STEP.match(text):
+                self._find_step(path, text.strip())
+            else:
+                self.reader.note(path, f"cannot read {text!r} as a part of the trial",
+                                 "write a step, 'last 2 s of STEP', '1 s to 3 s of STEP', or "
+                                 "'1 s to 3 s' of the trial")  # fmt: skip
             return Window()
         step = match["step"]
-        if step not in self.steps:
-            self.reader.note(path, f"no step of the trial is called {step!r}",
-                             suggest(step, self.steps))  # fmt: skip
+        if step is not None:
+            self._find_step(path, step)
         if match["side"] is not None:
             span = self._time(path, match["span"])
             if match["side"] == "last":
                 return Window(step, last_s=span)
             return Window(step, end_s=span)
-        if match["begin"] is None:
-            return Window(step)
         begin = self._time(path, match["begin"], zero=True)
         end = self._time(path, match["end"])
         if end <= begin:
             self.reader.note(path, f"{match['end']} does not follow {match['begin']}",
                              "give the earlier time first")  # fmt: skip
         return Window(step, begin, end)
+
+    def _find_step(self, path: KeyPath, step: str) -> None:
+        if step not in self.steps:
+            self.reader.note(path, f"no step of the trial is called {step!r}",
+                             suggest(step, self.steps))  # fmt: skip
 
     def _time(self, path: KeyPath, text: str, *, zero: bool = False) -> float:
         value = self.reader.number(path, text, "s", self.scope)

@@ -225,21 +225,19 @@ Rows = tuple[tuple[Condition, ...], ...]
 class Window:
     """The part of a trial: a step (None: all of them) from ``begin_s`` to ``end_s`` in it.
 
-    ``last_s`` counts back from the end of the step instead.
+    ``last_s`` counts back from the end of the step instead. In that part, what is measured begins
+    when ``since`` begins to hold for the ``nth`` time, ends when ``until`` does next, and is all
+    for which ``holds`` does; empty ones do not count.
     """
 
     step: str | None = None
     begin_s: float = 0.0
     end_s: float = math.inf
     last_s: float | None = None
-
-    def __str__(self) -> str:
-        step = "the steps" if self.step is None else f"step {self.step!r}"
-        if self.last_s is not None:
-            return f"the last {self.last_s:g} s of {step}"
-        if self.end_s == math.inf:
-            return step
-        return f"{self.begin_s:g} s to {self.end_s:g} s of {step}"
+    since: Rows = ()
+    until: Rows = ()
+    holds: Rows = ()
+    nth: int = 1
 
 
 @dataclass(frozen=True, eq=False)

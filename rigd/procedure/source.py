@@ -334,8 +334,38 @@ class IdentifySource(Source):
     operator whether to go on, or `end` the run. By default trials are not evaluated in a run."""
 
 
-#: The part of a trial: `steady`, `last 2 s of steady`, `1 s to 3 s of steady`.
+#: The part of a trial: `steady`, `last 2 s of steady`, `1 s to 3 s of steady`, `1 s to 3 s`.
 WindowText = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+
+
+class PartSource(Source):
+    """The part of a trial between two events, or that in which a condition holds."""
+
+    since: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = Field(
+        default=None, alias="from"
+    )
+    """The condition that begins it; without one, the beginning of `of`."""
+    to: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = None
+    """The condition that ends it, after the first one; without one, the end of `of`."""
+    nth: Annotated[int, Ge(1), Le(100_000)] = 1
+    """How often `from` has begun to hold then."""
+    holds: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = Field(
+        default=None, alias="while"
+    )
+    """Only samples while this condition holds."""
+    of: WindowText | None = None
+    """The part of the trial in which this is sought; without it, all steps of the trial."""
+
+
+def _during_kind(value: object) -> str:
+    return "part" if isinstance(value, dict | PartSource) else "window"
+
+
+#: `last 2 s of steady`, or `{from: joint.speed > 0 rad/s, to: joint.speed < 0 rad/s}`.
+During = Annotated[
+    Annotated[WindowText, Tag("window")] | Annotated[PartSource, Tag("part")],
+    Discriminator(_during_kind),
+]
 
 
 class DurationSource(Source):
@@ -374,9 +404,10 @@ class MeasureSource(Source):
     """Its last value."""
     duration: DurationSource | None = None
     """The time between two events, in s."""
-    during: WindowText | None = None
+    during: During | None = None
     """The part of the trial: a step, or `last 2 s of STEP`, `first 2 s of STEP`, `1 s to 3 s of
-    STEP`; without it, all steps of the trial.
+    STEP`, without `of STEP` of the trial; or `{from: CONDITION, to: CONDITION, nth: 3, while:
+    CONDITION, of: STEP}`. Without it, all steps of the trial.
     """
     unit: UnitText | None = None
     """How people read it; by default the SI unit."""

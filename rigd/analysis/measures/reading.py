@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.measures.events import Samples, first_time, holds_at
+from rigd.analysis.measures.events import Samples, event_time, holding, holds_at
 from rigd.analysis.measures.mean import mean_of
 from rigd.analysis.measures.ranges import Sensors
 from rigd.analysis.measures.result import TrialReading
@@ -17,7 +17,7 @@ from rigd.analysis.recordings.resample import stale_rows
 from rigd.computed.derived.driver import DERIVED
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
-from rigd.procedure.conditions.condition_text import describe_until
+from rigd.procedure.conditions.condition_text import describe_until, describe_window
 from rigd.procedure.program import Condition, Measure, Window
 from rigd.record import Event, Recording, TrialInfo
 from rigd.record.events.trials import Step, held
@@ -71,7 +71,7 @@ class TrialReader:
                 raise Unread(f"the trial is not complete: {why}")
             if paused := held(self.played.pauses, self.trial):
                 raise Unread(f"the trial was {paused}")
-            span = self._span(measure.window)
+            span = self._between(measure.window, self._span(measure.window))
             if measure.kind == "mean":
                 _, values = self._values(measure, span)
                 mean = mean_of(values, rounded=self.sensors.rounds(measure.channel))
@@ -110,27 +110,52 @@ class TrialReader:
         Raises:
             Unread: its step was not played, or not for so long.
         """
-        played = [step for step in self._played() if window.step in (None, step.name)]
-        if not played and window.step is None and self.trial.number not in self.played.stepped:
-            return self.trial.start_ns, self.trial.end_ns or self.recording.end_ns
-        if not played:
-            raise Unread(self._not_played(window))
-        begin_ns = played[0].start_ns
-        end_ns = max(step.end_ns or begin_ns for step in played)
+        begin_ns, end_ns, name = self._bounds(window)
         lasted_s = (end_ns - begin_ns) * 1e-9
         needed_s = window.last_s if window.last_s is not None else window.end_s
         if np.isfinite(needed_s) and needed_s > lasted_s + 1e-6:
-            raise Unread(f"step {window.step!r} lasted {lasted_s:.4g} s, not {needed_s:g} s")
+            raise Unread(f"{name} lasted {lasted_s:.4g} s, not {needed_s:g} s")
         if window.last_s is not None:
             return end_ns - round(window.last_s * 1e9), end_ns
         if np.isfinite(window.end_s):
             end_ns = begin_ns + round(window.end_s * 1e9)
         return begin_ns + round(window.begin_s * 1e9), end_ns
 
+    def _bounds(self, window: Window) -> tuple[int, int, str]:
+        """Return begin and end of the step of a window in ns, all steps if None, and its name.
+
+        Raises:
+            Unread: its step was not played.
+        """
+        played = [step for step in self._played() if window.step in (None, step.name)]
+        if not played and window.step is None and self.trial.number not in self.played.stepped:
+            return self.trial.start_ns, self.trial.end_ns or self.recording.end_ns, "the trial"
+        if not played:
+            raise Unread(self._not_played(window))
+        name = "the steps" if window.step is None else f"step {window.step!r}"
+        begin_ns = played[0].start_ns
+        return begin_ns, max(step.end_ns or begin_ns for step in played), name
+
+    def _between(self, window: Window, span: tuple[int, int]) -> tuple[int, int]:
+        """Return the part of a span from one event of a window to the other.
+
+        Raises:
+            Unread: one of them does not come.
+        """
+        begin_ns, end_ns = span
+        if window.since:
+            at_s = self._event(window.since, span, self._seconds(begin_ns), window.nth)
+            begin_ns = self.trial.start_ns + round(at_s * 1e9)
+        if window.until:
+            at_s = self._event(window.until, span, self._seconds(begin_ns))
+            end_ns = self.trial.start_ns + round(at_s * 1e9)
+        return begin_ns, end_ns
+
     def _not_played(self, window: Window) -> str:
         if self.trial.number not in self.played.stepped:
             return (
-                f"the trial has no steps, so no {window.step!r}: without 'during' all of it counts"
+                f"the trial has no steps, so no {window.step!r}: without 'during' all of it "
+                "counts; write 'during: 1 s to 3 s', or '{from: CONDITION, to: CONDITION}'"
             )
         words = "no step of the procedure was played"
         return words if window.step is None else f"step {window.step!r} was not played"
@@ -179,9 +204,10 @@ class TrialReader:
         Raises:
             Unread: there is none, or one is not finite: it might be the one that counts.
         """
-        times, values = self._samples(measure.channel, span)
+        holds = measure.window.holds
+        times, values = self._held(measure.channel, span, holds)
         if not len(values):
-            raise Unread(f"no sample of {measure.channel} in {measure.window}")
+            raise Unread(f"no sample of {measure.channel} in {describe_window(measure.window)}")
         if missing := int((~np.isfinite(values)).sum()):
             raise Unread(
                 f"{missing} of {len(values)} samples of {measure.channel} have no value"
@@ -190,8 +216,18 @@ class TrialReader:
         least = _LEAST.get(measure.kind, 1)
         if len(values) < least:
             raise Unread(f"{len(values)} sample of {measure.channel}: {least} are needed")
-        self._refuse_saturated(measure.channel, span)
+        self._refuse_saturated(measure.channel, span, holds=holds)
         return times, values
+
+    def _held(self, name: str, span: tuple[int, int], rows: Rows) -> Samples:
+        """Return the samples of a channel at which one of ``rows`` holds; all without any."""
+        times, values = self._samples(name, span)
+        if not rows:
+            return times, values
+        inside = np.zeros(len(times), bool)
+        for begin, end in holding(rows, lambda channel: self._samples(channel, span)):
+            inside |= (begin < times) & (times < end)
+        return times[inside], values[inside]
 
     def _left_out(self, name: str) -> str:
         """Return why samples of a derived channel usually have no value, and what to do."""
@@ -203,7 +239,7 @@ class TrialReader:
         )
 
     def _refuse_saturated(
-        self, name: str, span: tuple[int, int], at_s: float | None = None
+        self, name: str, span: tuple[int, int], at_s: float | None = None, holds: Rows = ()
     ) -> None:
         """Check the sensors behind a channel, in a whole span or in the samples about a time.
 
@@ -211,7 +247,7 @@ class TrialReader:
             Unread: a value at the end of a range stands for all that lie beyond it.
         """
         for sensor in self.sensors.behind(name):
-            times, values = self._samples(sensor.name, span)
+            times, values = self._held(sensor.name, span, holds)
             if at_s is not None:
                 after = int(np.searchsorted(times, at_s))
                 values = values[max(after - 1, 0) : after + 1]
@@ -219,23 +255,25 @@ class TrialReader:
             if count:
                 raise Unread(f"{count} of {len(values)} samples have {words}")
 
-    def _event(self, rows: Rows, span: tuple[int, int], begin_s: float) -> float:
+    def _event(self, rows: Rows, span: tuple[int, int], begin_s: float, number: int = 1) -> float:
         """Return when a condition begins to hold after ``begin_s``, in s since the trial began.
 
         Raises:
-            Unread: it never does, or it holds at ``begin_s`` already.
+            Unread: it never does, or not so often.
         """
 
         def samples(name: str) -> Samples:
             return self._samples(name, span)
 
+        at = event_time(rows, samples, begin_s, number)
+        if at is not None:
+            return at
         text = describe_until(tuple(tuple(row) for row in rows))
+        if number > 1:
+            raise Unread(f"{text} did not begin to hold {number} times")
         if holds_at(rows, samples, begin_s):
-            raise Unread(f"{text} holds already at the beginning")
-        at = first_time(rows, samples, begin_s)
-        if at is None:
-            raise Unread(f"{text} never came")
-        return at
+            raise Unread(f"{text} holds already at the beginning, and does not begin again")
+        raise Unread(f"{text} never came")
 
     def _at(self, name: str, span: tuple[int, int], at_s: float) -> float:
         """Return the value of a channel at a time, on the line between its two samples.

@@ -16,7 +16,7 @@ from rigd.analysis.measures.result import (
 )
 from rigd.analysis.measures.trend import FALSE_ALARM
 from rigd.model.units import parse_unit, si_symbol
-from rigd.procedure.conditions.condition_text import describe_until
+from rigd.procedure.conditions.condition_text import describe_until, describe_window
 from rigd.procedure.program import Measure
 
 #: What the intervals hold, and what not; stands below every table.
@@ -126,7 +126,7 @@ def definition(measure: Measure) -> str:
         text = f"time from {begin} to {describe_until(measure.when)}"
     else:
         text = f"{measure.kind.replace('_', ' ')} of {measure.channel}"
-    return f"{text}, during {measure.window}"
+    return f"{text}, during {describe_window(measure.window)}"
 
 
 def result_json(result: MeasureResult) -> dict[str, Any]:

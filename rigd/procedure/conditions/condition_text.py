@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from rigd.model.units import format_quantity
-from rigd.procedure.program import Condition, StatusCondition, TrialLimit, Until
+from rigd.procedure.program import Condition, StatusCondition, TrialLimit, Until, Window
 
 
 def describe_condition(condition: Condition | StatusCondition, threshold: str | None = None) -> str:
@@ -34,6 +35,23 @@ def describe_values(until: Until, values: Mapping[str, float]) -> str:
     return ", ".join(
         dict.fromkeys(_describe_value(item, values[item.channel]) for row in until for item in row)
     )
+
+
+def describe_window(window: Window) -> str:
+    """Return a part of a trial in words: ``the last 2 s of step 'pull'``."""
+    text = "the steps" if window.step is None else f"step {window.step!r}"
+    if window.last_s is not None:
+        text = f"the last {window.last_s:g} s of {text}"
+    elif window.end_s != math.inf:
+        text = f"{window.begin_s:g} s to {window.end_s:g} s of {text}"
+    if window.since:
+        count = "" if window.nth == 1 else f" begins for time {window.nth}"
+        text += f" from {describe_until(window.since)}{count}"
+    if window.until:
+        text += f" to {describe_until(window.until)}"
+    if window.holds:
+        text += f" while {describe_until(window.holds)}"
+    return text
 
 
 def describe_left(limit: TrialLimit, value: float) -> str:

@@ -174,10 +174,36 @@ def reason(tmp_path: Path, measure: str, **options: Any) -> str:
         ("{duration: {to: axis.position > 30 mm}, during: pull}", 0.3),
         ("{duration: {to: axis.position > 30 mm}}", 0.5),
         ("{mean: axis.heat, unit: degC, during: rest}", 293.15 + 20 * 0.0995),
+        ("{mean: axis.heat, during: 0.3 s to 0.4 s}", 293.15 + 20 * 0.3495),
+        ("{mean: axis.heat, during: last 0.1 s}", 293.15 + 20 * 0.9495),
+        (
+            "{mean: axis.heat, during: {from: axis.force < 0.99 N, to: axis.position > 29.95 mm}}",
+            293.15 + 20 * (0.051 + 0.499) / 2,
+        ),
+        (
+            "{mean: axis.heat, during: {to: axis.position > 9.95 mm, of: pull}}",
+            293.15 + 20 * 0.2495,
+        ),
+        (
+            "{mean: axis.heat, during: {while: axis.position > 9.95 mm, of: first 0.2 s of pull}}",
+            293.15 + 20 * 0.3495,
+        ),
     ],
 )
 def test_measure_is_its_value_in_closed_form(tmp_path: Path, measure: str, expected: float) -> None:
     assert value(tmp_path, measure) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_window_begins_with_third_stroke(tmp_path: Path) -> None:
+    during = "{from: axis.force > 1.5 N, nth: 3, of: pull}"
+    found = value(tmp_path, f"{{duration: {{to: axis.force < 1 N}}, during: {during}}}")
+    assert found == pytest.approx(1 / 20 - 1 / 120, rel=1e-3)
+
+
+def test_window_holds_samples_that_fulfil_it(tmp_path: Path) -> None:
+    during = "{while: axis.force > 1 N, of: pull}"
+    found = value(tmp_path, f"{{mean: axis.force, during: {during}}}")
+    assert found == pytest.approx(1 + 2 / math.pi, rel=1e-2)
 
 
 def of_heat(scale: float) -> Callable[[np.ndarray], np.ndarray]:
@@ -247,6 +273,12 @@ def test_sensor_that_rests_at_zero_is_measured(tmp_path: Path) -> None:
         ("{duration: {from: axis.position > 30 mm, to: axis.position > 10 mm}}", "holds already"),
         ("{duration: {from: axis.position > 3 m, to: axis.position > 4 m}}", "> 3 m never came"),
         ("{mean: axis.force, during: last 2 s of pull}", "lasted 0.8 s, not 2 s"),
+        ("{mean: axis.force, during: 1 s to 9 s}", "the steps lasted 1 s, not 9 s"),
+        (
+            "{mean: axis.force, during: {from: axis.force > 1.5 N, nth: 9, of: pull}}",
+            "axis.force > 1.5 N did not begin to hold 9 times",
+        ),
+        ("{mean: axis.force, during: {while: axis.force > 9 N}}", "no sample of axis.force in"),
         ("{mean: axis.force, during: 0.5 s to 1 s of pull}", "lasted 0.8 s, not 1 s"),
     ],
 )
