@@ -90,5 +90,5 @@ def test_event_that_held_begins_again() -> None:
 def test_noise_about_bound_is_no_event(seed: int) -> None:
     values = np.random.default_rng(seed).standard_normal(20_000)
     values[0] = 1.0
-    times = np.arange(20_000) * 1e-3
+    times = np.array(np.arange(20_000) * 1e-3, np.float64)
     assert event_time([[above("noise", 0.0)]], lambda _: (times, values), 0.0) is None
