@@ -108,7 +108,7 @@ WITH_PRIORITY = places(
 #: `make quick`: computes only, in less than a minute. No browser, no node, nothing in real time.
 QUICK = places(
     "analysis/fitting/test_fit.py", "analysis/fitting/test_residuals.py",
-    "analysis/recordings/test_resample.py", "config", "daemon/live/test_points.py",
+    "record/test_resample.py", "config", "daemon/live/test_points.py",
     "daemon/serve/test_library.py", "daemon/serve/test_recordings.py", "computed/controllers",
     "computed/derived", "drivers/can/test_bus.py", "drivers/can/test_eds_on_bus.py",
     "drivers/can/test_servo_cycle.py", "drivers/can/test_servo_safe.py",

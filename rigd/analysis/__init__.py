@@ -1,6 +1,6 @@
 """Contains the parts that the author of an analysis needs; the import loads no large library.
 
-Recordings: :mod:`.source`, :mod:`.resample`. Estimators: :mod:`.model`, :mod:`.fit`,
+Recordings: :mod:`.source`. Estimators: :mod:`.model`, :mod:`.fit`,
 :mod:`.uncertainty`, :mod:`.profile`, :mod:`.identifiability`, :mod:`.residuals`. Results and pages:
 :mod:`.result`, :mod:`.parameters`, :mod:`.report`. Calibrations: :mod:`.calibration`.
 """

@@ -92,18 +92,6 @@ def parse_constants(text: str, path: Path) -> dict[str, Constant]:
     return constants
 
 
-def parse_formulas(text: str, path: Path) -> dict[str, str]:
-    """Return the formula of each derived channel of the rig in ``text``, by name.
-
-    Raises:
-        ConfigError: the text is wrong; the error names every problem with its place.
-    """
-    problems = Problems()
-    source = bind(parse_document(text, path), RigSource, problems)
-    problems.raise_any()
-    return {} if source is None else {k: item.formula for k, item in source.derived.items()}
-
-
 def build_rig(document: Document, period_ns: int | None = None) -> RigConfig:
     """Return the rig of a document that is read already; see :func:`parse_rig`.
 

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
@@ -29,7 +29,9 @@ from rigd.model.machine.folders import make_folder
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import format_quantity
 from rigd.procedure.identify import plan_metadata
-from rigd.record import Attachment, RecordingWriter
+from rigd.record import Attachment, Recording, RecordingWriter
+from rigd.record.events.event import NO_TRIAL
+from rigd.record.mcap.prefix import FORMAT_METADATA
 from rigd.record.read.info import stated_metadata
 
 #: Name of the map in a recording.
@@ -129,7 +131,44 @@ class _Import:
             RecordingError: the recording cannot be written.
         """
         with listening() as heard:
-            return self._write(part, heard)
+            imported = self._write(part, heard)
+        return replace(imported, rows={**imported.rows, **self._add_derived(part)})
+
+    def _add_derived(self, part: Path) -> Mapping[str, int]:
+        """Write ``part`` anew with the derived channels of the map; return the rows of each group.
+
+        Raises:
+            ConfigError: a derived channel is wrong.
+            RecordingError: the recording cannot be written.
+        """
+        what = self._what
+        if not what.derived:
+            return {}
+        recording = Recording.open(part)
+        full = recording.with_channels(what.document, what.derived)
+        what.check_signals(full.streams)
+        metadata = {n: v for n, v in recording.metadata.items() if n != FORMAT_METADATA}
+        draft = part.with_name(f"{part.name}.derived")
+        draft.unlink(missing_ok=True)
+        try:
+            with RecordingWriter.create(
+                draft,
+                streams=list(full.streams.values()),
+                metadata=metadata,
+                attachments=list(recording.attachments.values()),
+                start_ns=recording.start_ns,
+                sync_interval_s=None,
+            ) as writer:
+                for name in full.streams:
+                    for rows in full.batches(name):
+                        writer.write(name, rows)
+                for event in recording.all_events:
+                    trial = None if event.trial == NO_TRIAL else event.trial
+                    writer.event(event.t_ns, event.kind, trial, event.data)
+            draft.replace(part)
+        finally:
+            draft.unlink(missing_ok=True)
+        return {name: full.count(name) for name in full.streams.keys() - recording.streams.keys()}
 
     def _write(self, part: Path, heard: Sequence[str]) -> Imported:
         what, paths = self._what, self._test.files

@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import Field, StringConstraints
 
 from rigd.config.schema import file_schema
-from rigd.config.source import ChannelName, FileName, Name, QuantityText, Source
+from rigd.config.source import ChannelName, DerivedSource, FileName, Name, QuantityText, Source
 from rigd.procedure.source import IdentifySource, OneOrMore, UnitText
 
 #: The name of a column in a file: with or without its unit, or its number from 1.
@@ -221,6 +221,9 @@ class ImportSource(Source):
     """Where trials begin and end."""
     parameters: dict[Name, ImportedParameterSource] = Field(default_factory=dict)
     """The parameters of the trials."""
+    derived: dict[ChannelName, DerivedSource] = Field(default_factory=dict, max_length=64)
+    """Channels that are computed from others, as in a rig file; they are written to the recording.
+    """
     identify: IdentifySource | None = None
     """What `rigd identify` shall evaluate, as in a procedure."""
 

@@ -149,6 +149,7 @@ SHOWN: dict[str, Shows] = {
     "rigd export FILE --to csv --on carriage --between linear": Shows(
         "joined.csv", {"FILE": PVC}
     ),
+    "rigd export FILE --to csv --derived friction.yaml": Shows("way.csv", {"FILE": BREAKAWAY}),
     'rigd export FILE --to rocrate --license CC-BY-4.0 --author "Ada Lovelace"': Shows(
         ".crate.zip", {"FILE": QUICK}
     ),
@@ -382,6 +383,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
             f"remotes:\n  lugre-9: {{endpoint: tcp/127.0.0.1:{free_ports(1)[0]}}}\n"
         )
         Path("asking.yaml").write_text(ASKING, "utf-8")
+        Path("friction.yaml").write_text("derived: {way.gone: {is: abs(carriage.position)}}\n")
         rig, source = load_rig("lugre-1"), load_procedure("asking.yaml")
         interrupted = RunRequest(
             compile_procedure(source, rig), source.file.text, rig, 1,

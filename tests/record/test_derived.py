@@ -143,8 +143,13 @@ def test_swept_parameter_has_value_of_trial(bench: Recording) -> None:
 def test_streams_of_two_rates_stand_at_slower(bench: Recording) -> None:
     table = bench.compute("bench.fx * room.t")
     assert len(table) == 20
-    held = 290.0 + np.array([0, 1, 2, 3, 4, 4, *range(6, 20)])
-    assert np.array_equal(table["value"], bench.read("bench")["fx"][::100] * held)
+    fx, at_ms = bench.read("bench")["fx"], np.arange(2000)
+    off_ms = np.abs(at_ms[:, None] - np.arange(0, 2000, 100))
+    weights = np.where(off_ms < 50, 1.0, np.where(off_ms == 50, 0.5, 0.0))
+    expected = (fx[:, None] * weights).sum(axis=0) / weights.sum(axis=0) * (290.0 + np.arange(20))
+    late = np.arange(20) == 5  # the row repeats the reading before it
+    assert np.array_equal(table[STATUS_FIELD] != 0, late)
+    np.testing.assert_allclose(table["value"], np.where(late, np.nan, expected), rtol=1e-12)
 
 
 @pytest.mark.parametrize(

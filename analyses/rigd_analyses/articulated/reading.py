@@ -13,8 +13,13 @@ from numpy.typing import NDArray
 from rigd.analysis import DataError
 from rigd.analysis.parameters import Trials
 from rigd.analysis.recordings.noise import noise_of_differences
-from rigd.analysis.recordings.resample import period_ns, stale_rows
-from rigd.analysis.recordings.source import STATUS_FIELD, RecordedSweep, TrialInfo
+from rigd.analysis.recordings.source import (
+    STATUS_FIELD,
+    RecordedSweep,
+    TrialInfo,
+    period_ns,
+    stale_rows,
+)
 from rigd.analysis.result import FloatArray
 from rigd_analyses.articulated.needs import MOTORS, POSES, TORQUES
 

@@ -13,7 +13,6 @@ from rigd.analysis.measures.events import Samples, event_time, holding, holds_at
 from rigd.analysis.measures.mean import mean_of
 from rigd.analysis.measures.ranges import Sensors
 from rigd.analysis.measures.result import TrialReading
-from rigd.analysis.recordings.resample import stale_rows
 from rigd.computed.derived.driver import DERIVED
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
@@ -21,6 +20,7 @@ from rigd.procedure.conditions.condition_text import describe_until, describe_wi
 from rigd.procedure.program import Condition, Measure, Window
 from rigd.record import Event, Recording, TrialInfo
 from rigd.record.events.trials import Step, held
+from rigd.record.read.resample import stale_rows
 
 
 class Unread(Exception):

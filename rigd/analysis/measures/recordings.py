@@ -15,9 +15,9 @@ from rigd.analysis.measures.result import (
     UsedConstants,
     summary_of,
 )
-from rigd.analysis.recordings.corrections import scope_of
+from rigd.analysis.recordings.corrections import scope_of, with_derived_of
 from rigd.analysis.recordings.duplicates import refuse_same_file, refuse_same_trials
-from rigd.config.loader import parse_constants, parse_formulas
+from rigd.config.loader import parse_constants
 from rigd.config.problems import Problems
 from rigd.language.number import number_in
 from rigd.model.constants import Constant
@@ -31,6 +31,7 @@ from rigd.procedure.program import Measure
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import MoveSource
 from rigd.record import Recording, TrialInfo
+from rigd.record.read.derived import recorded_sources
 
 #: The setpoints of a trial, by name: its value in SI, or its word.
 _Point: TypeAlias = tuple[tuple[str, str], ...]
@@ -50,6 +51,8 @@ def measured(recordings: Sequence[Recording], procedure: Procedure | None = None
     """
     refuse_same_file([recording.path for recording in recordings])
     _refuse_different_rigs(recordings)
+    if procedure is not None:
+        recordings = [with_derived_of(recording, procedure) for recording in recordings]
     found: dict[tuple[str, _Point], list[tuple[Measure, TrialReading]]] = {}
     shown: dict[_Point, dict[str, str]] = {}
     formulas: dict[str, dict[str, str]] = {}
@@ -212,14 +215,10 @@ def varied(points: Sequence[Mapping[str, str]]) -> tuple[str, ...]:
 
 
 def _formulas(recording: Recording, procedure: Procedure | None) -> dict[str, str]:
-    """Return the formulas of the derived channels of a recording's rig, and of ``procedure``."""
-    found: dict[str, str] = {}
-    rig = recording.attachments.get("rig.yaml")
-    if rig is not None:
-        with suppress(ConfigError):  # of another version of rigd: only what is recorded is known
-            found = parse_formulas(rig.data.decode(errors="replace"), Path("rig.yaml"))
+    """Return the formulas of the derived channels of a recording, and of ``procedure``."""
     of_procedure = {} if procedure is None else procedure.source.derived
-    return found | {name: item.formula for name, item in of_procedure.items()}
+    found = {**recorded_sources(recording), **of_procedure}
+    return {name: item.formula for name, item in found.items()}
 
 
 def _constants(recording: Recording) -> dict[str, Constant]:

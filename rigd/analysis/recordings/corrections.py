@@ -13,7 +13,7 @@ from rigd.analysis.recordings.source import Correction, RecordedSweep, needed_tr
 from rigd.config.loader import parse_constants
 from rigd.config.problems import Problems, suggest
 from rigd.language.number import Number, number_in
-from rigd.model.constants import Uncertainty, parse_uncertainty
+from rigd.model.constants import Constant, Uncertainty, parse_uncertainty
 from rigd.model.errors import ConfigError, DataError
 from rigd.model.units import format_difference, format_quantity, parse_quantity, parse_unit
 from rigd.procedure.expression import Value
@@ -22,7 +22,7 @@ from rigd.procedure.loader import Procedure
 from rigd.procedure.parameters import choices_of, read_tables
 from rigd.procedure.program import IdentifyPlan
 from rigd.procedure.reader import Reader
-from rigd.record import TrialInfo
+from rigd.record import Recording, TrialInfo
 
 _BETWEEN: Final = re.compile(r"\s*(?:±|\+/?-)\s*")
 
@@ -57,7 +57,8 @@ def corrected(sweep: RecordedSweep, corrections: Corrections) -> RecordedSweep:
     """
     changed = sweep
     if corrections.procedure is not None:
-        changed = _replanned(sweep, corrections.procedure)
+        recording = with_derived_of(sweep.recording, corrections.procedure)
+        changed = _replanned(replace(sweep, recording=recording), corrections.procedure)
     for name, text in corrections.constants.items():
         changed = replace(changed, plan=_with_constant(changed.plan, name, text))
     return replace(changed, corrections=_differences(sweep, changed, corrections.constants))
@@ -115,10 +116,7 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
             place=place,
             hint="give a procedure whose `identify` block has that model",
         )
-    rig = sweep.recording.attachments.get("rig.yaml")
-    of_rig = {}
-    if rig is not None:
-        of_rig = parse_constants(rig.data.decode(errors="replace"), Path("rig.yaml"))
+    of_rig = _constants_of(sweep.recording)
     shared: dict[str, Value] = {
         f"rig.{name}": number_in(item.value, item.unit) for name, item in of_rig.items()
     }
@@ -171,6 +169,37 @@ def _replanned(sweep: RecordedSweep, procedure: Procedure) -> RecordedSweep:
         if signal in changed.plan.signals:
             _check_signal(changed, signal, unit)
     return changed
+
+
+def with_derived_of(recording: Recording, procedure: Procedure) -> Recording:
+    """Return ``recording`` with the derived channels of ``procedure`` that it lacks.
+
+    Its parameters with a default stand for those that the recording lacks.
+
+    Raises:
+        ConfigError: a channel does not fit the recording; names every problem with its place.
+    """
+    source, problems = procedure.source, Problems()
+    if not source.derived:
+        return recording
+    reader = Reader(procedure.document, problems)
+    defaults: dict[str, Value] = {
+        f"rig.{name}": number_in(item.value, item.unit)
+        for name, item in _constants_of(recording).items()
+    }
+    for name, item in source.parameters.items():
+        if item.default is not None and not item.choices:
+            found = reader.value(("parameters", name, "default"), item.default, defaults)
+            defaults |= {} if found is None else {name: found}
+    problems.raise_any()
+    return recording.with_channels(procedure.document, source.derived, defaults)
+
+
+def _constants_of(recording: Recording) -> Mapping[str, Constant]:
+    rig = recording.attachments.get("rig.yaml")
+    if rig is None:
+        return {}
+    return parse_constants(rig.data.decode(errors="replace"), Path("rig.yaml"))
 
 
 def scope_of(trial: TrialInfo, without: Mapping[str, str]) -> dict[str, Value]:

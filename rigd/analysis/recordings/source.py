@@ -21,7 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from rigd.analysis.recordings.resample import (
+from rigd.config.document import parse_document
+from rigd.model.channels import STALE, STATUS_FIELD, Stream
+from rigd.model.errors import ConfigError, DataError
+from rigd.model.rows import TIME_FIELD
+from rigd.model.units import Quantity, parse_unit
+from rigd.procedure.program import IdentifyPlan
+from rigd.record import Event, Recording, RunInfo, TrialInfo
+from rigd.record.events.trials import held
+from rigd.record.read.info import COMPLETE
+from rigd.record.read.resample import (
     LONGEST_STEP,
     SamplingRule,
     bridge,
@@ -32,15 +41,6 @@ from rigd.analysis.recordings.resample import (
     period_ns,
     stale_rows,
 )
-from rigd.config.document import parse_document
-from rigd.model.channels import STALE, STATUS_FIELD, Stream
-from rigd.model.errors import ConfigError, DataError
-from rigd.model.rows import TIME_FIELD
-from rigd.model.units import Quantity, parse_unit
-from rigd.procedure.program import IdentifyPlan
-from rigd.record import Event, Recording, RunInfo, TrialInfo
-from rigd.record.events.trials import held
-from rigd.record.read.info import COMPLETE
 from rigd.sdk.analysis import choices
 
 #: Here also what the author of an analysis needs of recordings as such.
@@ -58,6 +58,8 @@ __all__ = [
     "TrialInfo",
     "Unusable",
     "open_sweep",
+    "period_ns",
+    "stale_rows",
 ]
 
 FloatArray = NDArray[np.float64]

@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.recordings.resample import stale_rows
 from rigd.analysis.report.trace import COLUMNS, thin
 from rigd.analysis.run_page.bounds import recorded_in_parts
 from rigd.analysis.run_page.paths import LARGEST, BodyPath, path_of
@@ -20,6 +19,7 @@ from rigd.model.poses import Pose, poses_of
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import parse_unit
 from rigd.record import Recording, Step
+from rigd.record.read.resample import stale_rows
 
 FloatArray = NDArray[np.float64]
 

@@ -26,6 +26,7 @@ examples:
   rigd export FILE --to csv --rate "100 Hz"           all streams in one table
   rigd export FILE --to csv --on carriage --between linear
   rigd export runs/*.mcap --to parquet --output tables/
+  rigd export FILE --to csv --derived friction.yaml   with channels computed from others
   rigd export FILE --to rocrate --license CC-BY-4.0 --author "Ada Lovelace"
 
   One table per stream, with t_ns (UTC), time (s), trial (-1 outside trials), trial_time (s since
@@ -91,6 +92,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="folder of the tables (default: one with the recording's name); "
         "for hdf5 and mdf4 a folder, or the file; for rocrate a folder, or a file .zip",
     )
+    parser.add_argument(
+        "--derived",
+        type=Path,
+        metavar="FILE",
+        help="also the channels below `derived:` in this file: a procedure, a map, a rig, or a "
+        "file of these alone",
+    )
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
     crate = parser.add_argument_group("rocrate")
     crate.add_argument(
@@ -123,10 +131,14 @@ def execute(args: argparse.Namespace) -> int:
     require("analysis", "rigd export")
     if args.to != "mat":
         require("export", f"rigd export --to {args.to}")
+    from rigd.analysis.recordings.corrections import with_derived_of
     from rigd.analysis.run_page import Selection, parse_selection
+    from rigd.config.document import read_document
     from rigd.model.errors import ConfigError
+    from rigd.procedure.loader import load_procedure
     from rigd.record import Recording
     from rigd.record.export import export
+    from rigd.record.read.derived import sources_in
 
     if args.between and args.rate is None and args.on is None:
         raise ConfigError(
@@ -141,8 +153,15 @@ def execute(args: argparse.Namespace) -> int:
             raise ConfigError(f"--{name} is for --to rocrate")
     targets = _targets(files, args.output, args.to)
     selection = Selection() if args.trials is None else parse_selection(args.trials)
+    derived = None if args.derived is None else read_document(args.derived)
+    is_procedure = derived is not None and derived.get(("procedure",)) is not None
+    procedure = load_procedure(args.derived) if is_procedure else None
     for file, target in zip(files, targets, strict=True):
         recording = Recording.open(file, partial=True)
+        if procedure is not None:
+            recording = with_derived_of(recording, procedure)
+        elif derived is not None:
+            recording = recording.with_channels(derived, sources_in(derived))
         info = recording.info
         selection.check(info)
         _require_columns(info)
@@ -197,7 +216,7 @@ def _publish(args: argparse.Namespace, files: Sequence[Path]) -> int:
     from rigd.record import Recording
     from rigd.record.export.rocrate import Published, export_rocrate
 
-    for name in ("stream", "trials", "rate", "on", "between"):
+    for name in ("stream", "trials", "rate", "on", "between", "derived"):
         if getattr(args, name) is not None:
             raise ConfigError(f"--{name} is not for --to rocrate, which has all that was recorded")
     recordings = [Recording.open(file, partial=True) for file in files]

@@ -10,6 +10,7 @@ from typing import Final
 
 from rigd.analysis.plan import find_analysis, of_kind
 from rigd.config.document import Document
+from rigd.config.source import DerivedSource
 from rigd.importing.map.patterns import Pattern
 from rigd.importing.map.zones import Zone
 from rigd.importing.source import Format, TextTableSource
@@ -168,6 +169,7 @@ class ImportMap:
     ignore: tuple[Pattern, ...]
     trials: TrialsMap
     parameters: Mapping[str, ParameterMap]
+    derived: Mapping[str, DerivedSource]
     plan: IdentifyPlan | None
 
     @property

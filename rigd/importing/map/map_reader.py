@@ -105,12 +105,20 @@ class _MapReader:
         trials = self._trials(sources)
         started_ns = self._moment(("started",), source.started)
         plan = None if source.identify is None else self._plan(sources, parameters)
+        for name in source.derived:
+            if (group := name.partition(".")[0]) in sources:
+                self._note_key(
+                    ("derived", name),
+                    f"there is a source {group} already",
+                    f"choose another name before the dot, such as '{group}_derived'",
+                )
         ignore = tuple(Pattern(text) for text in source.ignore)
         if self._problems.found:
             return None
         return ImportMap(
             self._document, source.map, source.title, source.rig, started_ns,
-            source.warnings == "accept", sources, ignore, trials, parameters, plan,
+            source.warnings == "accept", sources, ignore, trials, parameters, source.derived,
+            plan,
         )  # fmt: skip
 
     def _note(self, path: KeyPath, message: str, hint: str | None = None) -> None:
@@ -406,6 +414,7 @@ class _MapReader:
             choices[by] = tuple(identify.reference.values)
         nothing: Mapping[str, Constant] = {}
         there = [f"{s}.{c.name}" for s, item in sources.items() for c in item.channels]
+        there += self._source.derived
         plan = read_plan(
             reader, choices, identify, nothing, (base, {**base, **trial}), set(trial),
             has=there.__contains__,

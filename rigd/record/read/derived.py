@@ -1,15 +1,16 @@
 """Computes derived channels of a recording after the fact, by the formulas and kernel of the cycle.
 
-A group of derived channels is a stream with a row at each cycle, if the recording has the stream of
-the cycle; else at each sample of the slowest stream in the group. A formula takes the last reading
-of each channel until then, with its age, as the cycle does: a derived channel equals that of a run
-to the last bit, if what it is computed from was read and recorded in every cycle.
+With the stream of the cycle a group has a row at each cycle, and takes the last reading of each
+channel until then, with its age, as the cycle does: it equals that of the run to the last bit, if
+what it is computed from was read and recorded in every cycle. Without, it has the rows of the
+slowest stream in it, to which others are brought as for an analysis (:func:`.resample.brought`).
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from rigd.computed.controllers.driver import CONTROLLER
 from rigd.computed.derived.driver import DERIVED
@@ -29,11 +31,12 @@ from rigd.config.problems import Problems, suggest
 from rigd.config.source import ChannelName, DerivedSource, Source
 from rigd.language.number import ExpressionError, Number, number_in
 from rigd.language.syntax import Name, parse, parts
-from rigd.model.channels import ECHO, STALE, STATUS_FIELD, Stream
+from rigd.model.channels import ECHO, STATUS_FIELD, Stream
 from rigd.model.constants import Constant
 from rigd.model.errors import ConfigError
 from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.model.units import parse_quantity, parse_unit
+from rigd.record.read.resample import brought, stale_rows
 
 if TYPE_CHECKING:
     from rigd.record.read.reader import Recording
@@ -54,7 +57,7 @@ Values = Mapping[str, Number | str]
 Times = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Readings:
     """The readings of a stream that are not repeated: times (n,) in ns, values (n,) by channel."""
 
@@ -64,12 +67,22 @@ class _Readings:
 
 
 @dataclass(frozen=True, eq=False)
+class _Input:
+    """An input of the graph at each row: values (n,), their times (n,) in ns, when it is late."""
+
+    values: NDArray[np.float64]
+    stamps: Times
+    late_ns: int
+
+
+@dataclass(frozen=True, eq=False)
 class DerivedStreams:
-    """The ``streams`` that ``graph`` computes from ``recording``, and of which of it by name."""
+    """The ``streams`` that ``graph`` computes from ``recording``, as ``sources`` state it."""
 
     recording: Recording
     graph: Graph
     streams: Mapping[str, Stream]
+    sources: Mapping[str, DerivedSource]
     _rows: dict[str, NDArray[np.void]] = field(default_factory=dict)
 
     @cached_property
@@ -113,19 +126,12 @@ class DerivedStreams:
 
         graph, in_cycle = self.graph, _has_cycle(self.recording)
         times = _times(self.recording, base)
-        count = len(times)
+        count, begun_ns = len(times), int(times[0]) if len(times) else 0
         used = {name for group in groups for name in self._channels(group)}
-        columns = {
-            stream: self._readings(stream, [n.partition(".")[2] for n in used if _of(n) == stream])
-            for stream in {_of(name) for name in used}
-        }
-        period = _period(times)
-        late = [
-            _late_ns(columns[_of(name)].period_ns, period, in_cycle=in_cycle) if name in used else 0
-            for name in graph.inputs
-        ]
-        begun_ns = int(times[0]) if count else 0
-        replay = Replay(graph, late, begun_ns)
+        inputs = self._inputs(base, used, times, begun_ns, in_cycle=in_cycle)
+        missing = _Input(np.full(1, np.nan), np.full(1, begun_ns), 0)
+        sources = [inputs.get(name, missing) for name in graph.inputs]
+        replay = Replay(graph, [source.late_ns for source in sources], begun_ns)
         found = {group: np.empty(count, row_dtype(self.streams[group])) for group in groups}
         for begin, end, changes in self._parts(times, in_cycle=in_cycle):
             for change, trial in changes:
@@ -135,39 +141,45 @@ class DerivedStreams:
                     replay.begin_trial(trial)
                 else:
                     replay.end_trial()
-            part = times[begin:end]
-            values = np.full((len(part), len(graph.inputs)), np.nan)
-            stamps = np.full((len(part), len(graph.inputs)), begun_ns)
-            for place, name in enumerate(graph.inputs):
-                if name in used:
-                    own = columns[_of(name)]
-                    values[:, place], stamps[:, place] = self._last(
-                        name, own, part, begun_ns, in_cycle=in_cycle
-                    )
-            for group, packed in replay.rows(part, values, stamps).items():
+            values = np.empty((end - begin, len(sources)))
+            stamps = np.empty((end - begin, len(sources)), np.int64)
+            for place, source in enumerate(sources):
+                values[:, place] = source.values[begin:end] if source is not missing else np.nan
+                stamps[:, place] = source.stamps[begin:end] if source is not missing else begun_ns
+            for group, packed in replay.rows(times[begin:end], values, stamps).items():
                 if group in found:
                     dtype = found[group].dtype
                     found[group][begin:end] = np.ascontiguousarray(packed).view(dtype)[:, 0]
         self._rows.update(found)
 
-    def _last(
-        self, name: str, own: _Readings, times: Times, begun_ns: int, *, in_cycle: bool
-    ) -> tuple[NDArray[np.float64], Times]:
-        """Return the last reading of a channel at each of ``times`` (n,), and its time (n,).
-
-        A setpoint is that of the cycle before, and so is what a controller shows: both come after
-        derived channels.
-        """
-        stream, _, channel = name.partition(".")
-        values = own.values[channel]
-        is_echo = in_cycle and name.endswith(ECHO)
-        earlier = is_echo or self.recording.streams[stream].source == CONTROLLER
-        places = np.searchsorted(own.times, times, "left" if earlier else "right") - 1
-        if is_echo:
-            return values[np.maximum(places, 0)], times
-        known = places >= 0
-        found = np.where(known, values[places], np.nan)
-        return found, np.where(known, own.times[places], begun_ns)
+    def _inputs(
+        self, base: str, used: Collection[str], times: Times, begun_ns: int, *, in_cycle: bool
+    ) -> dict[str, _Input]:
+        """Return the channels ``used`` at ``times`` (n,), by the rule for this recording."""
+        found: dict[str, _Input] = {}
+        for stream in sorted({_of(name) for name in used}):
+            names = [name for name in used if _of(name) == stream]
+            own = self._readings(stream, [name.partition(".")[2] for name in names])
+            if not in_cycle:
+                is_base = stream == base
+                found |= {name: _brought(own, name, times, is_base=is_base) for name in names}
+                continue
+            if not len(own.times):
+                continue
+            late_ns = _late_ns(own.period_ns, _period(times))
+            # Setpoints are written after derived channels are computed, and controllers act then.
+            before = np.searchsorted(own.times, times, "left") - 1
+            is_controller = self.recording.streams[stream].source == CONTROLLER
+            last = before if is_controller else np.searchsorted(own.times, times, "right") - 1
+            known = last >= 0
+            stamps = np.where(known, own.times[last], begun_ns)
+            for name in names:
+                values = own.values[name.partition(".")[2]]
+                if name.endswith(ECHO):
+                    found[name] = _Input(values[np.maximum(before, 0)], times, 0)
+                else:
+                    found[name] = _Input(np.where(known, values[last], np.nan), stamps, late_ns)
+        return found
 
     def _readings(self, stream: str, channels: Collection[str]) -> _Readings:
         """Return times and ``channels`` of a stream, without rows that repeat a reading."""
@@ -176,7 +188,7 @@ class DerivedStreams:
         for rows in self.recording.batches(stream):
             count += len(rows)
             if has_status:
-                rows = rows[(rows[STATUS_FIELD] & np.uint32(STALE)) == 0]
+                rows = rows[~stale_rows(rows[STATUS_FIELD])]
             times.append(rows[TIME_FIELD].astype(np.int64))
             for name in channels:
                 values[name].append(rows[name].astype(np.float64))
@@ -213,8 +225,35 @@ class DerivedStreams:
 class DerivedBlock(Source):
     """The part of a file with derived channels."""
 
-    derived: dict[ChannelName, DerivedSource]
+    derived: dict[ChannelName, DerivedSource] = Field(default_factory=dict, max_length=64)
     """The channels by name."""
+
+
+def sources_in(document: Document) -> Mapping[str, DerivedSource]:
+    """Return what stands in a file below `derived`, whatever else the file has.
+
+    Raises:
+        ConfigError: a key or a value is wrong; names every problem with its place.
+    """
+    problems, data = Problems(), {"derived": document.get(("derived",)) or {}}
+    block = bind(document, DerivedBlock, problems, data=data)
+    problems.raise_any()
+    return {} if block is None else block.derived
+
+
+def recorded_sources(recording: Recording) -> dict[str, DerivedSource]:
+    """Return how derived channels of a recording were computed, by name, as far as it states it.
+
+    Those of a rig file, procedure or map of another version of rigd are unknown.
+    """
+    found: dict[str, DerivedSource] = {}
+    for name in ("rig.yaml", "procedure.yaml", "import_map.yaml"):
+        if (file := recording.attachments.get(name)) is not None:
+            with suppress(ConfigError):
+                found |= sources_in(parse_document(file.data.decode(errors="replace"), Path(name)))
+    if recording.added is not None:
+        found |= {**recorded_sources(recording.added.recording), **recording.added.sources}
+    return found
 
 
 def written(
@@ -232,10 +271,8 @@ def written(
         lines.append(f"  {json.dumps(name)}:")
         keys = {"is": item} if isinstance(item, str) else item
         lines += [f"    {key}: {json.dumps(text)}" for key, text in keys.items()]
-    document, problems = parse_document("\n".join(lines), Path("derived")), Problems()
-    block = bind(document, DerivedBlock, problems)
-    problems.raise_any()
-    return document, {} if block is None else block.derived
+    document = parse_document("\n".join(lines), Path("derived"))
+    return document, sources_in(document)
 
 
 def derived_streams(
@@ -243,9 +280,10 @@ def derived_streams(
     document: Document,
     sources: Mapping[str, DerivedSource],
     defaults: Values | None = None,
-) -> DerivedStreams:
+) -> DerivedStreams | None:
     """Return the derived channels ``sources``, which stand in ``document`` below `derived`.
 
+    Those that the recording has already, computed in the same way, are left out; None if all are.
     ``${name}`` is a parameter of the trials, ``${rig.name}`` a constant of the recorded rig; a name
     that the recording lacks has its value of ``defaults``.
 
@@ -253,14 +291,10 @@ def derived_streams(
         ConfigError: one is wrong, or exists already; names every problem with its place.
     """
     problems = Problems()
-    for name in sources:
-        if name.partition(".")[0] in recording.streams:
-            problems.add(
-                document.key_place(("derived", name)),
-                f"{recording.path} has the stream {_of(name)} already",
-                f"choose another name before the dot, such as '{_of(name)}_derived'",
-            )
+    sources = _new(recording, document, sources, problems)
     problems.raise_any()
+    if not sources:
+        return None
     streams = recording.streams
     constants = _constants(recording)
     channels = {f"{s.name}.{item.name}": item for s in streams.values() for item in s.channels}
@@ -293,7 +327,43 @@ def derived_streams(
         )
         for group, members in read.graph.groups().items()
     }  # fmt: skip
-    return DerivedStreams(recording, read.graph, found)
+    return DerivedStreams(recording, read.graph, found, sources)
+
+
+def _new(
+    recording: Recording,
+    document: Document,
+    sources: Mapping[str, DerivedSource],
+    problems: Problems,
+) -> dict[str, DerivedSource]:
+    """Return those of ``sources`` that the recording lacks; one that is another there is noted."""
+    streams, recorded = recording.streams, recorded_sources(recording)
+    missing: dict[str, DerivedSource] = {}
+    for name, source in sources.items():
+        group, _, channel = name.partition(".")
+        stream = streams.get(group)
+        if stream is None:
+            missing[name] = source
+            continue
+        known = recorded.get(name)
+        is_there = channel in {item.name for item in stream.channels}
+        if is_there and known is not None and _meaning(known) == _meaning(source):
+            continue
+        message = f"{recording.path} has the stream {group} already"
+        if is_there:
+            by = "" if known is None else f", as {{{_text(known)}}}"
+            message = f"{recording.path} has {name} already{by}"
+        hint = f"choose another name before the dot, such as '{group}_derived'"
+        problems.add(document.key_place(("derived", name)), message, hint)
+    return missing
+
+
+def _meaning(source: DerivedSource) -> dict[str, object]:
+    return source.model_dump(by_alias=True, exclude_defaults=True, exclude={"doc"})
+
+
+def _text(source: DerivedSource) -> str:
+    return ", ".join(f"{key}: {value}" for key, value in _meaning(source).items())
 
 
 def _of(channel: str) -> str:
@@ -358,12 +428,31 @@ def _period(times: Times) -> float:
     return float(times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else np.inf
 
 
-def _late_ns(period_ns: float, base_ns: float, *, in_cycle: bool) -> int:
+def _late_ns(period_ns: float, cycle_ns: float) -> int:
     if not np.isfinite(period_ns):
         return 2**62
-    if in_cycle and abs(period_ns / base_ns - 1.0) < _SAME_PERIOD:
+    if abs(period_ns / cycle_ns - 1.0) < _SAME_PERIOD:
         return 0
     return round(_LATE_PERIODS * period_ns)
+
+
+def _brought(own: _Readings, name: str, times: Times, *, is_base: bool) -> _Input:
+    """Return a channel at the rows of the slowest stream; where it has a gap it is NaN and late.
+
+    ``is_base``: it is of that stream, and each of its rows stands for itself.
+    """
+    values, own_times = own.values[name.partition(".")[2]], own.times
+    if not is_base:  # the mean of samples of which one is NaN is none
+        own_times, values = own_times[np.isfinite(values)], values[np.isfinite(values)]
+    if not len(values):
+        return _Input(np.full(len(times), np.nan), times - 1, 0)
+    if is_base:
+        at = np.searchsorted(own_times, times).clip(0, len(own_times) - 1)
+        there, found = own_times[at] == times, values[at]
+    else:
+        item = brought(times, own_times, values)
+        there, found = item.there, item.values
+    return _Input(np.where(there, found, np.nan), times - ~there, 0)
 
 
 def _constants(recording: Recording) -> Mapping[str, Constant]:

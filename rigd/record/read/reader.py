@@ -463,9 +463,8 @@ class Recording:
         """
         from rigd.record.read.derived import derived_streams  # it loads the language
 
-        if not sources:
-            return self
-        return replace(self, added=derived_streams(self, document, sources, defaults))
+        added = derived_streams(self, document, sources, defaults)
+        return self if added is None else replace(self, added=added)
 
     def compute(
         self,

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from support.lugre.bench import known_rig
 
-from rigd.analysis.recordings.resample import bridge, means_around
 from rigd.analysis.result import FitOutcome, FloatArray
+from rigd.record.read.resample import bridge, means_around
 from rigd_analyses.lugre.rig.family import fit_group, rig_system
 from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.slip_force.identify import Settings

@@ -17,9 +17,9 @@ from support.recordings.altered import Content
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation
-from rigd.analysis.recordings.resample import LONGEST_BRIDGE
 from rigd.analysis.result import IdentificationResult
 from rigd.model.errors import DataError
+from rigd.record.read.resample import LONGEST_BRIDGE
 
 MS = 1_000_000
 CURRENTS = "[0.3 A, 0.6 A, 0.9 A, 1.2 A]"

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigd.analysis.recordings.resample import (
+from rigd.model.errors import DataError
+from rigd.record.read.resample import (
     Times,
     bridge,
     grid,
@@ -14,7 +15,6 @@ from rigd.analysis.recordings.resample import (
     period_ns,
     stale_rows,
 )
-from rigd.model.errors import DataError
 
 MS = 1_000_000
 CENTRES = 1_700_000_000_000_000_000 + np.arange(100) * MS
