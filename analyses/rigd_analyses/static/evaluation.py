@@ -53,6 +53,8 @@ OWN_SHARE: Final = 0.4
 CHANGE_S: Final = 0.1
 #: Speeds that are further apart than this share are two; a sweep has one in each such share.
 APART: Final = 0.05
+#: This share of the samples is at the slowest speeds.
+SLOWEST: Final = 0.02
 #: Of fewer speeds several laws go through all means exactly.
 LEAST_SPEEDS: Final = 5
 SLOWER: Final = "Play strokes from a hundredth of the speed on, in small steps."
@@ -151,7 +153,7 @@ def _identified(
 ) -> IdentificationResult:
     """Return the law of ``model`` within the reach of its speeds; raises as :func:`identify`."""
     result = identify_response(model, pair.wording, options, account(model.trials, rules))
-    return _within_reach(result, speeds(model.x[model.mask > 0.0]))
+    return _within_reach(result, model.x[model.mask > 0.0])
 
 
 def pair_of(group: Group) -> Pair:
@@ -184,16 +186,20 @@ def speeds(speed: FloatArray) -> int:
     return sum(1 + int(width / APART) for width in widths)
 
 
-def _within_reach(result: IdentificationResult, count: int) -> IdentificationResult:
-    """Return ``result`` without what ``count`` speeds, or v_s beside them, leave open.
+def _within_reach(result: IdentificationResult, speed: FloatArray) -> IdentificationResult:
+    """Return ``result`` without what the speeds (n,), or v_s beside them, leave open.
 
     F_s is the friction far below v_s. If the data do not limit v_s downwards, a refit that finds no
-    other F_s has not looked far enough.
+    other F_s has not looked far enough; if not upwards, F_s and F_c stand in for one another; and
+    if all speeds are above v_s, what is left of the Stribeck effect there is extrapolated.
     """
-    stribeck = result.parameter("v_s")
+    stribeck, count = result.parameter("v_s"), speeds(speed)
     reasons = {}
-    if stribeck.low is None:
-        reasons["F_s"] = "The data do not limit v_s downwards: this friction is extrapolated."
+    for end, where in ((stribeck.low, "downwards"), (stribeck.high, "upwards")):
+        if end is None:
+            reasons["F_s"] = f"The data do not limit v_s {where}: this friction is extrapolated."
+    if stribeck.estimate < float(np.quantile(speed, SLOWEST)):
+        reasons["F_s"] = "All speeds are above v_s: this friction is extrapolated."
     if count < LEAST_SPEEDS:
         few = (
             f"{count} different speeds cannot contradict a law of {len(result.parameters)} "

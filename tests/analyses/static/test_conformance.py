@@ -64,6 +64,20 @@ def test_friction_below_all_speeds_is_open(first: int, tmp_path: Path) -> None:
     assert section.result.parameter("v_s").quoted is None
 
 
+def test_friction_below_a_sweep_is_open(tmp_path: Path) -> None:
+    """Of sweeps whose slowest steady speeds are twice v_s, 2.7 N was quoted as 1.96 to 2.23 N."""
+    t_s = np.arange(0.0, 11.0, 0.02)
+    speed = 0.25 * (0.011 + 0.989 * np.abs(np.sin(np.pi * t_s / 4.4)))
+    noise = np.random.default_rng(10).normal(0.0, 0.06, len(t_s))
+    keeps = np.exp(-0.02 / 0.05)
+    for k in range(1, len(noise)):
+        noise[k] = keeps * noise[k - 1] + noise[k] * np.sqrt(1.0 - keeps**2)
+    force = friction(np.array([2.2, 2.7, 0.022, 6.1]), speed)[0] + noise
+    (section,) = found([SimulatedTrial(t_s, {"force": force, "speed": speed})], tmp_path).sections
+    item = section.result.parameter("F_s")
+    assert item.quoted is None, (item.low, item.high)
+
+
 def test_a_sweep_has_many_speeds() -> None:
     assert speeds(np.linspace(0.4, 0.6, 1000)) >= 8
     noise = 1.0 + 0.01 * np.random.default_rng(1).standard_normal(3000)
