@@ -75,7 +75,8 @@ def compile_procedure(
     units |= {name: read_unit(reader, ("tables", name, "unit"), table.unit)
               for name, table in source.tables.items() if table.unit}  # fmt: skip
     reader = replace(reader, units=units)
-    known, rig = rig.devices, with_derived(reader, source, rig, base, hidden)
+    every = [scope for scope in scopes for _ in range(source.repeats)]
+    known, rig = rig.devices, with_derived(reader, source, rig, base, hidden, every)
     if source.derived and rig.devices is known:
         # Uncomputed channels would all seem unknown; on another rig, all that it lacks is named.
         _raise_any(problems, source, rig, unless_other=True)

@@ -105,7 +105,7 @@ derived:
         ("a.b: {is: carriage.positon}", "carriage.positon", "'carriage.position'?"),
         ("a.b: {is: carriage.position + 3 s}", "3 s", "cannot add s and m"),
         ('a.b: {is: "carriage.position / ${sped}"}', "${sped}", "did you mean 'speed'?"),
-        ('a.b: {is: "carriage.position / ${current}"}', "${current}", "lives as long as the run"),
+        ('a.b: {is: "delay(carriage.position, ${current})"}', "${current}", "a fixed quantity"),
         ('a.b: {is: "carriage.position * ${floor}"}', "${floor}", "floor is a word"),
         ('a.b: {is: "lowpass(carriage.position, ${speed})"}', "${speed}", "expected 1/s"),
         ("carriage.b: {is: carriage.position}", "carriage.b", "is a device of this rig"),

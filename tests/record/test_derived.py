@@ -34,7 +34,7 @@ parameters:
   current: {doc: Current, unit: A, default: 0.6 A}
   shift: {doc: A constant, unit: mm/s, default: 3 mm/s}
   floor: {doc: Floor, choices: [pvc, paper], default: pvc}
-sweep: {grid: {floor: [pvc, paper]}}
+sweep: {zip: {floor: [pvc, paper], current: [0.6 A, 0.5 A]}}
 derived:
 """
 STEPS = """\
@@ -72,6 +72,18 @@ def test_computed_channels_equal_those_of_run(played: Recording, group: str) -> 
     assert len(expected) > 600
     assert rows.tobytes() == expected.tobytes()
     assert np.isfinite(expected["slip" if group == "motion" else "speed"]).all()
+
+
+def test_swept_parameter_is_that_of_trial_while_rig_runs(played: Recording) -> None:
+    for trial, current in zip(played.trials, (0.6, 0.5), strict=True):
+        rows = played.read("rim", trial.start_ns, trial.end_ns)
+        written = played.read("wheel_servo", trial.start_ns - 1_000_000, trial.end_ns)
+        written = written[np.searchsorted(written[TIME_FIELD], rows[TIME_FIELD]) - 1]
+        assert len(rows) >= 300
+        assert np.array_equal(rows["drive"], written["current_setpoint"] / current)
+        assert not rows[STATUS_FIELD].any()
+    outside = played.read("rim", played.trials[-1].end_ns + 1)
+    assert np.isnan(outside["drive"]).all()
 
 
 BENCH = Stream("bench", (Channel("fx", "N"), Channel("fz", "N"), Channel("v", "m/s")))

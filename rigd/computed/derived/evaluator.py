@@ -97,6 +97,11 @@ class Evaluator:
             self._begun_ns = t_ns
         compute(t_ns, self._begun_ns, self._words, self.own)
 
+    @property
+    def follows_trials(self) -> bool:
+        """Whether a parameter that differs by trial is in a channel."""
+        return bool(self._parameters)
+
     def begin_trial(self, trial: int) -> None:
         """Give parameters their values in ``trial``; empty the memory that begins with a trial."""
         self.set_parameters(self._graph.trials.get(trial, ()))

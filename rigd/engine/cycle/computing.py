@@ -112,6 +112,16 @@ class Computing:
         if self._evaluator is not None:
             self._evaluator.begin_trial(trial)
 
+    @property
+    def follows_trials(self) -> bool:
+        """Whether a derived channel has a parameter that differs by trial."""
+        return self._evaluator is not None and self._evaluator.follows_trials
+
+    def end_trial(self) -> None:
+        """Take their values from the parameters that differ by trial."""
+        if self._evaluator is not None:
+            self._evaluator.set_parameters()
+
     def estimate(self, t_ns: int) -> None:
         """Compute observers and derived channels from the readings of the cycle at ``t_ns``."""
         if self._none:

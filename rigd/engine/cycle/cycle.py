@@ -246,6 +246,15 @@ class Cycle:
         """Let observers and derived channels that begin anew with each trial do so."""
         self._computing.begin_trial(trial)
 
+    @property
+    def follows_trials(self) -> bool:
+        """Whether a derived channel has a parameter that differs by trial."""
+        return self._computing.follows_trials
+
+    def end_trial(self) -> None:
+        """Let derived channels know no parameter that differs by trial."""
+        self._computing.end_trial()
+
     def _bound(self, program: CycleProgram | None) -> Player | None:
         if program is None:
             return None

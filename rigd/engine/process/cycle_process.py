@@ -207,6 +207,9 @@ class CycleProcess:
                 self._begin_trial(trial)
                 self._cycle.load(None)
                 self._begin(serial, last_received)
+            case m.EndTrial():
+                self._cycle.end_trial()
+                self._trial = NO_TRIAL
             case m.Request(_, stop, reason):
                 self._control.request(stop, reason)
             case m.Pause(_, wanted, last_trial):

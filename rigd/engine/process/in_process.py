@@ -93,6 +93,8 @@ class InProcessHost:
     def trial(self, number: int) -> None:
         if number not in (self._trial, NO_TRIAL):
             self.cycle.begin_trial(number)
+        elif number == NO_TRIAL:
+            self.cycle.end_trial()
         self._trial = number
 
     @property
@@ -284,8 +286,13 @@ class InProcessHost:
                 self._sink.write(name, rows)
 
     def event(self, kind: str, data: Mapping[str, object]) -> None:
-        """Record an event with the time of the present slot."""
-        self._emit(self.cycle.t_ns, kind, data)
+        """Record an event with the time of the present slot.
+
+        The row of this slot was computed before a trial gave parameters their values: a trial
+        begins behind it, if it gives any.
+        """
+        after_ns = int(kind == "trial_start" and self.cycle.follows_trials)
+        self._emit(self.cycle.t_ns + after_ns, kind, data)
 
     def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
         if not self._muted:

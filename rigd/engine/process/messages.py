@@ -200,6 +200,11 @@ class Draw(Command):
 
 
 @dataclass(frozen=True)
+class EndTrial(Command):
+    """Let derived channels know no parameter that differs by trial; has no reply."""
+
+
+@dataclass(frozen=True)
 class Acknowledge(Command):
     """Permit a latched interlock to clear; has no reply."""
 

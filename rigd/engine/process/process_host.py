@@ -16,6 +16,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Final, Protocol, TypeVar
 
+from rigd.computed.derived.driver import DerivedConfig
 from rigd.config.rig import RigConfig
 from rigd.engine.clock import idle, monotonic_ns
 from rigd.engine.cycle.cycle import CycleCounters
@@ -95,12 +96,16 @@ class ProcessHost:
         off_cycle: OffCycleDevices | None = None,
         finish: Callable[[], None] | None = None,
     ) -> None:
-        self.trial = NO_TRIAL
+        self._trial = NO_TRIAL
         self.muted = False  # what devices did cannot be played again
         self.on_drain: Callable[[], None] = lambda: None
         self.segment = ""
         self.trips: list[Trip] = []
         self._rig, self._folder, self._control = rig, folder.path, control
+        configs = (device.config for device in rig.devices.values())
+        self._follows_trials = any(
+            isinstance(config, DerivedConfig) and config.graph.swept for config in configs
+        )
         self._board = board = folder.board()
         self._watched, self._off_cycle, self._finish = list(watched), off_cycle, finish
         self._rings = folder.row_rings(folder.job)
@@ -116,6 +121,18 @@ class ProcessHost:
         # Without the parts that the cycle does not need, whose code it would import.
         job = m.CycleJob(replace(rig, simulation=None, calibration=None), record, seed)
         self._cycle = CycleLink(folder, job, rig.supervision.cycle_silence_s)
+
+    @property
+    def trial(self) -> int:
+        """Trial number of the events; the next program begins a new one in the cycle."""
+        return self._trial
+
+    @trial.setter
+    def trial(self, number: int) -> None:
+        ends = number == NO_TRIAL != self._trial
+        self._trial = number
+        if ends and self._follows_trials and not self._end_reason:
+            self._send(m.EndTrial(0))
 
     @property
     def t_ns(self) -> int:
