@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -60,6 +61,17 @@ def hdf5_chunk(path: Path) -> None:
 def matlab_compressed(path: Path) -> None:
     """Compressed in one piece, as MATLAB does; scipy writes no such zeros of its own."""
     scipy.io.savemat(path, {"F": np.zeros(20 * MIB // 8)}, do_compression=True)
+
+
+def npz(path: Path) -> None:
+    np.savez_compressed(path, F=np.zeros(20 * MIB // 8))
+
+
+def npz_head(path: Path) -> None:
+    """The head of the array claims 10^6 numbers, behind it is none."""
+    with zipfile.ZipFile(path, "w") as file, file.open("F.npy", "w") as member:
+        head = {"descr": "<f8", "fortran_order": False, "shape": (10**6,)}
+        np.lib.format.write_array_header_1_0(member, head)
 
 
 def mf4(path: Path, stated: int, data: bytes, kind: int = 0) -> None:
@@ -121,6 +133,8 @@ BOMBS: dict[str, tuple[Make, str]] = {
     "rows.mat": (matlab_rows, "1000000000000 rows of 1 columns"),
     "chunk.h5": (hdf5_chunk, "chunks of the dataset 'F' of 8388608 bytes, more than the 1 MiB"),
     "zlib.mat": (matlab_compressed, "arrays of more than 16777216 bytes"),
+    "zip.npz": (npz, "arrays of more than 16777216 bytes"),
+    "head.npz": (npz_head, "F.npy ends before its array"),
     "honest.mf4": (
         lambda path: mf4(path, 8 * MIB, packed(8)),
         "of 8388608 bytes, more than the 1 MiB",

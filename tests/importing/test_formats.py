@@ -78,6 +78,16 @@ def write_parquet(path: Path) -> None:
     pq.write_table(pa.table({"t": TIMES_S, "force [kN]": FORCE}), path)
 
 
+def write_npz(path: Path) -> None:
+    np.savez_compressed(path, t=TIMES_S, force=FORCE, other=np.zeros((7, 2)), note=np.array("old"))
+
+
+def write_npy(path: Path) -> None:
+    rows = np.zeros(500, [("t", "<f8"), ("force", "<f8")])
+    rows["t"], rows["force"] = TIMES_S, FORCE
+    np.save(path, rows)
+
+
 FORMATS = {
     "a.h5": (write_hdf5, "group: run", "t"),
     "compound.h5": (write_compound, "group: run", "t"),
@@ -86,6 +96,8 @@ FORMATS = {
     "a.tdms": (write_tdms, "group: run", "(time)"),
     "a.mf4": (write_mdf, "group: '0'", "(time)"),
     "a.parquet": (write_parquet, "sparse: false", "t"),
+    "a.npz": (write_npz, "sparse: false", "t"),
+    "a.npy": (write_npy, "sparse: false", "t"),
 }
 
 
@@ -106,13 +118,17 @@ def test_every_format_gives_the_same_rows(
     assert rows["force"].tolist() == (FORCE * 1000.0).tolist()
 
 
-@pytest.mark.parametrize("name", [name for name in FORMATS if name != "a.parquet"])
+#: Formats of one table.
+ONE = ("a.parquet", "a.npz", "a.npy")
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name not in ONE])
 def test_unknown_group_is_named(tmp_path: Path, name: str) -> None:
     with pytest.raises(ConfigError, match=r"has no (group|structure|channel group) 'rum'"):
         bring_in(tmp_path / name, "group: rum", FORMATS[name][2])
 
 
-@pytest.mark.parametrize("name", ["a.h5", "a.mat", "a.tdms", "a.mf4"])
+@pytest.mark.parametrize("name", ["a.h5", "a.mat", "a.tdms", "a.mf4", "a.npz", "a.npy"])
 def test_file_that_is_cut_off_is_named(tmp_path: Path, name: str) -> None:
     write, group, time = FORMATS[name]
     path = tmp_path / name
@@ -124,13 +140,35 @@ def test_file_that_is_cut_off_is_named(tmp_path: Path, name: str) -> None:
     assert list((tmp_path / "runs").iterdir()) == []
 
 
-@pytest.mark.parametrize("ending", ["h5", "mat", "tdms", "mf4", "parquet"])
+@pytest.mark.parametrize("ending", ["h5", "mat", "tdms", "mf4", "parquet", "npz", "npy"])
 def test_file_of_another_format_is_named(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"a.{ending}"
     path.write_text("t,force\n" * 200)
     what = parse_map(MAP.replace("GROUP", "sparse: false").replace("TIME", "t"), Path("map.yaml"))
     with pytest.raises(ConfigError, match="cut off, damaged or no "):
         import_files(what, [path], tmp_path / "runs")
+
+
+class Trap:
+    """Opens a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[object, tuple[str, str]]:
+        return open, (str(self.path), "w")
+
+
+def test_pickled_objects_are_not_read(tmp_path: Path) -> None:
+    path, trap = tmp_path / "a.npz", np.array([Trap(tmp_path / "opened")], object)
+    what = parse_map(MAP.replace("GROUP", "sparse: false").replace("TIME", "t"), Path("map.yaml"))
+    np.savez(path, t=trap)
+    with pytest.raises(ConfigError, match=r"'t' in .* has pickled objects"):
+        import_files(what, [path], tmp_path / "runs")
+    np.savez(path, t=TIMES_S, force=FORCE, more=trap)
+    (made,) = import_files(what, [path], tmp_path / "runs")
+    assert len(Recording.open(made.path).read("samples")) == 500
+    assert not (tmp_path / "opened").exists()
 
 
 def test_start_that_a_file_states_counts(tmp_path: Path) -> None:

@@ -707,6 +707,12 @@ FORMATS = {
               files={"a.mat": saved_anew})],
         files={"a.mat": object_of_matlab},
     ),
+    "pickled objects": Case(
+        "save arrays of numbers: np.savez('new.npz', t=t, force=force)",
+        [Walk("np.savez('new.npz', t=t, force=force)", [("column: F", "column: force"), WITHOUT_V],
+              files={"a.npz": lambda path: np.savez(path, t=MILLI, force=FORCE)})],
+        files={"a.npz": lambda path: np.savez(path, rows=np.array([{"t": 0.0}], object))},
+    ),
     "groups of TDMS": Case(
         "give `group:`, one of g, h",
         [Walk("g", [("    text: {}\n", "    group: g\n")])],

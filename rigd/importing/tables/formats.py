@@ -27,6 +27,8 @@ _ENDINGS: Final[dict[str, Format]] = {
     ".tdms": "tdms",
     ".mf4": "mdf",
     ".mdf": "mdf",
+    ".npz": "numpy",
+    ".npy": "numpy",
 }
 
 
@@ -49,7 +51,7 @@ def open_table(
             raise ConfigError("the file is empty", place=Place(str(path), 1, 1))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from error
-    if group is not None and kind in ("csv", "parquet"):
+    if group is not None and kind in ("csv", "parquet", "numpy"):
         raise ConfigError(f"{path}: a {kind} file has no group {group!r}", hint="remove `group:`")
     # Imported here: a file of one format needs no library of the others.
     if kind == "parquet":
@@ -60,6 +62,10 @@ def open_table(
         from rigd.importing.tables.mat_table import open_mat
 
         return open_mat(path, group)
+    if kind == "numpy":
+        from rigd.importing.tables.numpy_table import open_numpy
+
+        return open_numpy(path)
     if kind != "csv":
         require("import", f"the import of {path.name}")
         opener = _opener(kind)
