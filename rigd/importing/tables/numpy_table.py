@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.lib import format as npy
@@ -71,7 +71,10 @@ def _load(path: Path) -> Mapping[str, NDArray[Any]]:
     """
     try:
         if not zipfile.is_zipfile(path):
-            return {_UNNAMED: np.load(path, mmap_mode="r", allow_pickle=False)}
+            with path.open("rb") as head:
+                _, dtype = _head(head)
+            empty = np.empty(0, object)
+            return {_UNNAMED: empty if dtype.hasobject else npy.open_memmap(path, mode="r")}
         with zipfile.ZipFile(path) as file:
             members = [item for item in file.infolist() if item.filename.endswith(_ENDING)]
             require_held(path, (item.file_size for item in members))
@@ -87,9 +90,7 @@ def _load(path: Path) -> Mapping[str, NDArray[Any]]:
 def _read(path: Path, file: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
     """Return an array, unless its head claims more bytes than the file holds for it."""
     with file.open(member) as head:
-        version = npy.read_magic(head)
-        read_head = npy.read_array_header_1_0 if version[0] == 1 else npy.read_array_header_2_0
-        shape, _, dtype = read_head(head)
+        shape, dtype = _head(head)
     if dtype.hasobject:
         return np.empty(0, object)
     require_held(path, iter([math.prod(shape) * dtype.itemsize]))
@@ -98,3 +99,11 @@ def _read(path: Path, file: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray
     with file.open(member) as content:
         found: NDArray[Any] = npy.read_array(content, allow_pickle=False)
     return found
+
+
+def _head(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Return shape and type of the array that begins here; a head of version 3 is read as of 2."""
+    version = npy.read_magic(file)
+    read_head = npy.read_array_header_1_0 if version[0] == 1 else npy.read_array_header_2_0
+    shape, _, dtype = read_head(file)
+    return shape, dtype
