@@ -707,6 +707,11 @@ FORMATS = {
               files={"a.mat": saved_anew})],
         files={"a.mat": object_of_matlab},
     ),
+    "derived group of a source": Case(
+        "choose another name before the dot, such as 'samples_derived'",
+        [Walk("samples_derived", [("samples.way", "samples_derived.way")])],
+        [("started:", "derived: {samples.way: {is: samples.force * 2, unit: N}}\nstarted:")],
+    ),
     "pickled objects": Case(
         "save arrays of numbers: np.savez('new.npz', t=t, force=force)",
         [Walk("np.savez('new.npz', t=t, force=force)", [("column: F", "column: force"), WITHOUT_V],
