@@ -708,9 +708,9 @@ FORMATS = {
         files={"a.mat": object_of_matlab},
     ),
     "derived group of a source": Case(
-        "choose another name before the dot, such as 'samples_derived'",
-        [Walk("samples_derived", [("samples.way", "samples_derived.way")])],
-        [("started:", "derived: {samples.way: {is: samples.force * 2, unit: N}}\nstarted:")],
+        "choose another name before the dot, such as 's_derived'",
+        [Walk("s_derived", [("s.way", "s_derived.way")])],
+        [("started:", "derived: {s.way: {is: s.force * 2, unit: N}}\nstarted:")],
     ),
     "pickled objects": Case(
         "save arrays of numbers: np.savez('new.npz', t=t, force=force)",
