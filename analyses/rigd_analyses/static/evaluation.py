@@ -26,6 +26,7 @@ from rigd.analysis.fitting.response import (
     identify_response,
     one_way,
 )
+from rigd.analysis.fitting.selection import VERY_STRONG, bic
 from rigd.analysis.parameters import (
     Fitted,
     Group,
@@ -43,6 +44,7 @@ from rigd.analysis.result import (
 )
 from rigd_analyses.static.needs import NEEDS
 
+_TINY: Final = float(np.finfo(np.float64).tiny)
 #: Below this share of the highest speed of a trial the body may be at rest.
 REST_SHARE: Final = 0.01
 #: The speed changes fast if it changes by this share of the highest one, ...
@@ -153,7 +155,7 @@ def _identified(
 ) -> IdentificationResult:
     """Return the law of ``model`` within the reach of its speeds; raises as :func:`identify`."""
     result = identify_response(model, pair.wording, options, account(model.trials, rules))
-    return _within_reach(result, model.x[model.mask > 0.0])
+    return _within_reach(result, model)
 
 
 def pair_of(group: Group) -> Pair:
@@ -186,13 +188,15 @@ def speeds(speed: FloatArray) -> int:
     return sum(1 + int(width / APART) for width in widths)
 
 
-def _within_reach(result: IdentificationResult, speed: FloatArray) -> IdentificationResult:
-    """Return ``result`` without what the speeds (n,), or v_s beside them, leave open.
+def _within_reach(result: IdentificationResult, model: ResponseModel) -> IdentificationResult:
+    """Return ``result`` without what the speeds, or v_s beside them, leave open.
 
     F_s is the friction far below v_s. If the data do not limit v_s downwards, a refit that finds no
     other F_s has not looked far enough; if not upwards, F_s and F_c stand in for one another; and
-    if all speeds are above v_s, what is left of the Stribeck effect there is extrapolated.
+    if all speeds are above v_s, what is left of the Stribeck effect there is extrapolated. Neither
+    is known if a straight line fits the samples nearly as well.
     """
+    speed = model.x[model.mask > 0.0]
     stribeck, count = result.parameter("v_s"), speeds(speed)
     reasons = {}
     for end, where in ((stribeck.low, "downwards"), (stribeck.high, "upwards")):
@@ -200,6 +204,9 @@ def _within_reach(result: IdentificationResult, speed: FloatArray) -> Identifica
             reasons["F_s"] = f"The data do not limit v_s {where}: this friction is extrapolated."
     if stribeck.estimate < float(np.quantile(speed, SLOWEST)):
         reasons["F_s"] = "All speeds are above v_s: this friction is extrapolated."
+    if _gain_over_line(result, model) < VERY_STRONG:
+        line = "A straight line fits nearly as well: no Stribeck effect is seen."
+        reasons |= {"F_s": line, "v_s": line}
     if count < LEAST_SPEEDS:
         few = (
             f"{count} different speeds cannot contradict a law of {len(result.parameters)} "
@@ -217,6 +224,21 @@ def _within_reach(result: IdentificationResult, speed: FloatArray) -> Identifica
         for item in result.parameters
     )  # fmt: skip
     return replace(result, parameters=parameters)
+
+
+def _gain_over_line(result: IdentificationResult, model: ResponseModel) -> float:
+    """Return by how much the BIC of the law is lower than that of a straight line."""
+    used = model.mask > 0.0
+    speed, force = model.x[used], np.concatenate([x.measured for x in model.trials])[used]
+    columns = np.column_stack([np.ones_like(speed), speed]) / model.scale
+    line = np.linalg.lstsq(columns, force / model.scale, rcond=None)[0]
+    left = columns @ line - force / model.scale
+    costs = {2: 0.5 * float(left @ left), len(result.parameters): result.cost}
+    by_line, by_law = (
+        bic(max(cost, _TINY), result.samples, max(result.effective_samples, 2.0), count)
+        for count, cost in costs.items()
+    )
+    return by_line - by_law
 
 
 def friction(theta: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
