@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from rigd.model import ConfigError, RecordingError
 from rigd.model.channels import STALE, STATUS_FIELD, Channel, Stream
 from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.record import Attachment, Recording, RecordingWriter
+from rigd.record.events.gaps import Gap
 
 START_NS = 1_790_000_000_000_000_000
 
@@ -162,6 +164,13 @@ def test_streams_of_two_rates_stand_at_slower(bench: Recording) -> None:
     late = np.arange(20) == 5  # the row repeats the reading before it
     assert np.array_equal(table[STATUS_FIELD] != 0, late)
     np.testing.assert_allclose(table["value"], np.where(late, np.nan, expected), rtol=1e-12)
+
+
+def test_trial_that_lost_rows_of_input_is_incomplete(bench: Recording) -> None:
+    lost = Gap("bench", START_NS + 100_000_000, START_NS + 110_000_000, 10)
+    damaged = replace(bench, gaps=(lost,)).with_derived({"mu.x": "bench.fx / bench.fz"})
+    assert [trial.complete for trial in damaged.trials_for({"mu"})] == [False, True]
+    assert [trial.complete for trial in damaged.trials_for({"room"})] == [True, True]
 
 
 @pytest.mark.parametrize(

@@ -292,7 +292,8 @@ def response(
         if not np.all(np.isfinite(values)):
             raise DataError(
                 f"{sweep.path}: in trial {trial.number} samples of the {name} are not finite",
-                hint="`rigd report` draws the recording",
+                hint="`rigd report` draws the recording; a derived channel has no value where its "
+                "`where` does not hold or where it divides by 0: write 'hold(x, condition)'",
             )
     top = float(np.max(np.abs(speed), initial=0.0))
     if len(speed) < 2 or top == 0.0:

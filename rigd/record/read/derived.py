@@ -172,7 +172,7 @@ class DerivedStreams:
             is_controller = self.recording.streams[stream].source == CONTROLLER
             last = before if is_controller else np.searchsorted(own.times, times, "right") - 1
             known = last >= 0
-            stamps = np.where(known, own.times[last], begun_ns)
+            stamps = own.times[last] if known.all() else np.where(known, own.times[last], begun_ns)
             for name in names:
                 values = own.values[name.partition(".")[2]]
                 if name.endswith(ECHO):
@@ -442,6 +442,8 @@ def _brought(own: _Readings, name: str, times: Times, *, is_base: bool) -> _Inpu
     ``is_base``: it is of that stream, and each of its rows stands for itself.
     """
     values, own_times = own.values[name.partition(".")[2]], own.times
+    if is_base and len(own_times) == len(times):  # no row repeats a reading
+        return _Input(values, times, 0)
     if not is_base:  # the mean of samples of which one is NaN is none
         own_times, values = own_times[np.isfinite(values)], values[np.isfinite(values)]
     if not len(values):
