@@ -221,7 +221,7 @@ class TrialPlan:
 Rows = tuple[tuple[Condition, ...], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Window:
     """The part of a trial: a step (None: all of them) from ``begin_s`` to ``end_s`` in it.
 

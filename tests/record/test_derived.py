@@ -76,7 +76,7 @@ def test_computed_channels_equal_those_of_run(played: Recording, group: str) -> 
     assert np.isfinite(expected["slip" if group == "motion" else "speed"]).all()
 
 
-def test_swept_parameter_is_that_of_trial_while_rig_runs(played: Recording) -> None:
+def test_swept_parameter_counts_while_rig_runs(played: Recording) -> None:
     for trial, current in zip(played.trials, (0.6, 0.5), strict=True):
         rows = played.read("rim", trial.start_ns, trial.end_ns)
         written = played.read("wheel_servo", trial.start_ns - 1_000_000, trial.end_ns)
