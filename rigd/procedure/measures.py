@@ -24,9 +24,9 @@ from rigd.procedure.expression import Scope
 from rigd.procedure.program import (
     Condition,
     CycleProgram,
+    Events,
     Measure,
     Recorded,
-    Rows,
     Step,
     TrialLimit,
     TrialPlan,
@@ -55,7 +55,7 @@ def measured_channels(measures: Collection[Measure]) -> frozenset[str]:
     return frozenset(own | {condition.channel for row in rows for condition in row})
 
 
-def events_of(measure: Measure) -> tuple[Rows, ...]:
+def events_of(measure: Measure) -> tuple[Events, ...]:
     """Return the conditions that a measure needs, those of its window too."""
     window = measure.window
     events = (measure.since, measure.when, window.since, window.until, window.holds)
@@ -278,7 +278,7 @@ class _Reading:
             return unit
         return text
 
-    def _events(self, kind: str) -> tuple[Rows, Rows]:
+    def _events(self, kind: str) -> tuple[Events, Events]:
         if kind == "channel":
             return self._rows(("when",), self.source.when or []), ()
         if self.source.duration is None:
@@ -287,7 +287,7 @@ class _Reading:
         since = self._rows(("duration", "from"), given.since) if given.since else ()
         return self._rows(("duration", "to"), given.to), since
 
-    def _rows(self, keys: KeyPath, texts: Sequence[str]) -> Rows:
+    def _rows(self, keys: KeyPath, texts: Sequence[str]) -> Events:
         path = (*self.path, *keys)
         rows = read_comparisons(self.reader, path, texts, self.scope, self.finder)
         for row in rows:

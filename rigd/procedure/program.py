@@ -218,10 +218,10 @@ class TrialPlan:
 
 
 #: Conditions of which any row must hold.
-Rows = tuple[tuple[Condition, ...], ...]
+Events = tuple[tuple[Condition, ...], ...]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Window:
     """The part of a trial: a step (None: all of them) from ``begin_s`` to ``end_s`` in it.
 
@@ -234,9 +234,9 @@ class Window:
     begin_s: float = 0.0
     end_s: float = math.inf
     last_s: float | None = None
-    since: Rows = ()
-    until: Rows = ()
-    holds: Rows = ()
+    since: Events = ()
+    until: Events = ()
+    holds: Events = ()
     nth: int = 1
 
 
@@ -255,8 +255,8 @@ class Measure:
     channel: str
     window: Window
     unit: str
-    when: Rows = ()
-    since: Rows = ()
+    when: Events = ()
+    since: Events = ()
     systematic: Uncertainty | None = None
     low: float = -math.inf
     high: float = math.inf

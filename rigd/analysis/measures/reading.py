@@ -27,7 +27,7 @@ class Unread(Exception):
     """A measure cannot be read; the text is the reason."""
 
 
-Rows = Sequence[Sequence[Condition]]
+Events = Sequence[Sequence[Condition]]
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ class TrialReader:
         self._refuse_saturated(measure.channel, span, holds=holds)
         return times, values
 
-    def _held(self, name: str, span: tuple[int, int], rows: Rows) -> Samples:
+    def _held(self, name: str, span: tuple[int, int], rows: Events) -> Samples:
         """Return the samples of a channel at which one of ``rows`` holds; all without any."""
         times, values = self._samples(name, span)
         if not rows:
@@ -239,7 +239,7 @@ class TrialReader:
         )
 
     def _refuse_saturated(
-        self, name: str, span: tuple[int, int], at_s: float | None = None, holds: Rows = ()
+        self, name: str, span: tuple[int, int], at_s: float | None = None, holds: Events = ()
     ) -> None:
         """Check the sensors behind a channel, in a whole span or in the samples about a time.
 
@@ -255,7 +255,7 @@ class TrialReader:
             if count:
                 raise Unread(f"{count} of {len(values)} samples have {words}")
 
-    def _event(self, rows: Rows, span: tuple[int, int], begin_s: float, number: int = 1) -> float:
+    def _event(self, rows: Events, span: tuple[int, int], begin_s: float, number: int = 1) -> float:
         """Return when a condition begins to hold after ``begin_s``, in s since the trial began.
 
         Raises:
