@@ -28,12 +28,10 @@ Row = dict[str, Any]
 #: intervals of 95 % chance puts one beyond 1 in two cases of five, beyond 1.5 in one of thirty.
 WRONG: Final = 1.5
 LONGEST: Final = 400  # s of CPU that one identification may take
-#: Their parameters have no true value: another law holds. The first two have a true curve g.
+#: Their parameters have no true value: another law holds. All but the first two have a true curve g.
 OTHER_LAW: Final = (
-    "ageing in rest",
-    "gaussian law",
-    "rolling relaxation",
-    "load shifts with force",
+    *("rolling relaxation", "load shifts with force", "ageing in rest", "gaussian law"),
+    *("exponential law", "steep law", "lorentz law", "plateau law"),
 )
 GOOD: Final = ("right", "rightly named", "refused, rightly named", "refused without a name")
 
@@ -209,7 +207,7 @@ def _misses(rig: Rig, kind: str, result: dict[str, Any]) -> dict[str, float]:
             ):
                 found[name] = _miss(item["low"], item["high"], *ends)
     fits = result["gate"]["outcome"] != "does not fit"
-    if fits and kind not in (*OTHER_LAW[2:], "other floor half way"):
+    if fits and kind not in (*OTHER_LAW[:2], "other floor half way"):
         points = result["friction_curve"]
         slips = np.array([point["V_r"] for point in points])
         curve = rig.curve(slips)

@@ -14,7 +14,9 @@ enum { /* constants of the rig: the order is that of NAMES in rig.py */
   FLAT_FORCE, FLAT_WIDTH, CLUTCH_DRAG, RUN_IN, RUN_IN_LENGTH, RELAXATION, TILT_LOAD, AIR,
   /* lateral motion, equations 21 to 26 and 48 */
   ROLLER_DRY, ROLLER_VISCOUS, LEVER, HEIGHT, HALF_SPAN, ROWS, OFFSET, SPACING, OVERHANG, LIFTED_RUBS_NOT, ROLLER_SIDE,
-  ROLLER_POWER, SIDE_PULL, CONSTANTS
+  ROLLER_POWER, SIDE_PULL,
+  /* other laws of friction: 1/(1 + share^exponent) in place of exp(-share^exponent), and a slip below which g is mu_s */
+  LORENTZ, PLATEAU, CONSTANTS
 };
 enum { I, W, P, V, X, TH, WM, THM, AGE, HEAT, BELT, FADED, VZ, STATES };
 enum { ENGAGED, SPEED, SHAPE, AMPLITUDE, FREQUENCY, LASTING, STOP_AT, SECOND, RECORDED, LATERAL, PHASE };
@@ -50,7 +52,8 @@ static Forces slopes(const double *k, const double *y, const double *f, double r
   double lever = k[RADIUS] * (1 + k[ECCENTRIC] * sin(y[TH] + k[ECCENTRIC_PHASE]) +
                               k[SECOND_HARMONIC] * sin(2 * y[TH] + k[ECCENTRIC_PHASE]));
   double slip = lever * y[W] - y[V], speed_of = fabs(slip), share = level(k, y);
-  double g = k[MU_C] + (k[MU_S] - k[MU_C]) * exp(-pow(speed_of / k[V_S], k[EXPONENT]));
+  double fallen = pow(fmax(speed_of - k[PLATEAU], 0) / k[V_S], k[EXPONENT]);
+  double g = k[MU_C] + (k[MU_S] - k[MU_C]) * (k[LORENTZ] != 0 ? 1 / (1 + fallen) : exp(-fallen));
   if (k[AGE_SIZE] != 0) g *= 1 + k[AGE_SIZE] * log(1 + y[AGE] / 0.1);
   if (slip < 0) g *= 1 + k[BACKWARD];
   g *= share;

@@ -115,6 +115,7 @@ class Sensors:
     tones: dict[str, tuple[float, float]] = field(default_factory=dict)  # size, Hz
     drifts: dict[str, float] = field(default_factory=dict)  # per s of the trial
     spikes: dict[str, tuple[float, float]] = field(default_factory=dict)  # share of rows, size
+    one_sided: bool = False  # all spikes upward
     clips: dict[str, float] = field(default_factory=dict)
     jitter: dict[str, float] = field(default_factory=dict)  # s rms
     stuck: dict[str, float] = field(
@@ -154,18 +155,21 @@ class Rig:
     model: str = "lugre"
 
     def friction(self) -> dict[str, float]:
-        """Return the true parameters by their names in rigd."""
-        return {
-            name: self.true[name.lower()]
-            for name in ("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2")
-        }
+        """Return the true parameters by their names in rigd.
+
+        V_s is the slip at which the Stribeck effect has fallen to 1/e, whatever its law.
+        """
+        k = self.true
+        names = ("mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2")
+        share = (np.e - 1) ** (1 / k["exponent"]) if k["lorentz"] else 1.0
+        return {"V_s": k["plateau"] + k["v_s"] * share} | {name: k[name] for name in names}
 
     def curve(self, slip: Array) -> Array:
         """Return the true g at each slip speed in m/s."""
         k = self.true
-        return k["mu_c"] + (k["mu_s"] - k["mu_c"]) * np.exp(
-            -((np.abs(slip) / k["v_s"]) ** k["exponent"])
-        )
+        fallen = (np.maximum(np.abs(slip) - k["plateau"], 0) / k["v_s"]) ** k["exponent"]
+        left: Array = 1 / (1 + fallen) if k["lorentz"] else np.exp(-fallen)
+        return k["mu_c"] + (k["mu_s"] - k["mu_c"]) * left
 
 
 CHANNELS: Final = {
@@ -443,7 +447,8 @@ def measure(rig: Rig, number: int, truth: Array) -> dict[str, Array]:
         out[name] = out[name] * scale
     for name, (share, size) in s.spikes.items():
         hit = random.random(len(time)) < share
-        out[name] = out[name] + hit * size * random.choice([-1.0, 1.0], size=len(time))
+        side = 1.0 if s.one_sided else random.choice([-1.0, 1.0], size=len(time))
+        out[name] = out[name] + hit * size * side
     for name, share in s.stuck.items():
         for place in np.flatnonzero(random.random(len(time)) < share / 15):
             out[name][place : place + 15] = out[name][place]

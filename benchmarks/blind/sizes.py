@@ -50,10 +50,9 @@ SIZES: Final[tuple[tuple[str, tuple[str, ...], Callable[[Rig], float]], ...]] = 
     ("slope of the floor", ("slope",), lambda rig: rig.true["slope"]),
     ("drag of a cable", ("cable drag",), lambda rig: rig.true["drag"]),
     ("drag with the square", ("air drag",), lambda rig: rig.true["air"]),
-    ("delay of the carriage", ("carriage late",), _late("position")),
-    ("delay of the wheel", ("wheel encoder late",), _late("angle")),
+    ("delay of the carriage", ("carriage late", "both encoders late"), _late("position")),
+    ("delay of the wheel", ("wheel encoder late", "both encoders late"), _late("angle")),
     ("delay of the accelerometer", ("accelerometer late",), _late("acceleration")),
-    ("a delay of both encoders", ("both encoders late",), _late("position")),
     ("a delay of the current", ("monitor late",), _late("current")),
     (
         "gain of the accelerometer",

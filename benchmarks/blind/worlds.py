@@ -30,6 +30,7 @@ LATE: Final = r"delay|late|filter|lag|slow|clock"
 def kinds() -> dict[str, Kind[Rig]]:
     """Return every kind by its name."""
     found = [*_constants(), *_mechanics(), *_friction(), *_electrics(), *_sensors(), *_procedure()]
+    found += [*_laws(), *_encoders()]  # behind the others: their places choose their seeds
     assert len({kind.name for kind in found}) == len(found)
     return {kind.name: kind for kind in found}
 
@@ -473,6 +474,43 @@ def _procedure() -> list[Kind[Rig]]:
         Kind("table moved half way", "procedure", (0.08, 0.3), r"slope|tilt|level|trial|force",
             sloped),
     ]  # fmt: skip
+
+
+def _laws() -> list[Kind[Rig]]:
+    """Other laws of the Stribeck effect; V_s, mu_s and mu_c keep their meaning."""
+
+    def lorentz(rig: Rig, size: float, _: np.random.Generator) -> None:
+        rig.true["lorentz"], rig.true["exponent"] = 1.0, size
+
+    def plateau(rig: Rig, size: float, _: np.random.Generator) -> None:
+        rig.true["plateau"] = size * rig.true["v_s"]
+
+    law = r"law|stribeck|exponent|friction that depends on the (speed|slip)"
+    return [
+        Kind("exponent low", "friction", (0.45, 0.35), law, _true("exponent")),
+        Kind("exponent high", "friction", (0.55, 0.7), law, _true("exponent")),
+        Kind("exponential law", "friction", (1.0,), law, _true("exponent")),
+        Kind("steep law", "friction", (2.0, 3.0), law, _true("exponent")),
+        Kind("lorentz law", "friction", (1.0, 2.0), law, lorentz),
+        Kind("plateau law", "friction", (0.1, 1.0), law, plateau),
+    ]
+
+
+def _encoders() -> list[Kind[Rig]]:
+    """Encoders with single readings that jump aside, all to one side."""
+
+    def spikes(channel: str) -> Apply:
+        def apply(rig: Rig, size: float, _: np.random.Generator) -> None:
+            rig.sensors.spikes[channel] = (3e-4, size)
+            rig.sensors.one_sided = True
+
+        return apply
+
+    carriage, wheel = r"carriage (encoder|position)", r"wheel encoder"
+    return [
+        Kind("carriage spikes", "sensors", (5e-4, 2e-3), carriage, spikes("position")),
+        Kind("wheel encoder spikes", "sensors", (5e-3, 2e-2), wheel, spikes("angle")),
+    ]
 
 
 def _lateral() -> list[Kind[Rig]]:
