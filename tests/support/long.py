@@ -254,6 +254,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/lugre/test_diagnosis.py": (
             "test_a_constant_on_its_way_is_not_suspected",
             "test_a_late_accelerometer_is_named",
+            "test_each_late_encoder_is_named",
             "test_law_just_not_seen_is_in_the_interval",
             "test_hum_of_the_accelerometer_is_told_from_current",
             "test_a_measuring_wheel_out_of_centre_is_named",

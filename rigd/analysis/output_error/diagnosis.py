@@ -172,6 +172,11 @@ def diagnose(
         vanished |= {other.first.name for other in ends if other.last in other.gone}
         near = _as_good(new, end.first)
         as_good[end.last.name] = [item for item in near if item.name not in vanished]
+    picked = {item.name for item in chosen}  # what is picked later stands beside, not instead
+    as_good = {
+        name: [other for other in near if other.name not in picked]
+        for name, near in as_good.items()
+    }
     unseen = _unseen(new, left)
     moved = _Moved(
         before,

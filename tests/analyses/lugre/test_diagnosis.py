@@ -78,6 +78,62 @@ def test_a_late_accelerometer_is_named() -> None:
     assert stiffness.low <= world.physics.s0 <= stiffness.high
 
 
+@pytest.mark.parametrize(
+    ("late_s", "names"),
+    [
+        ({"wheel": 5e-3}, {"delay of the wheel encoder"}),
+        ({"guide": 5e-3}, {"delay of the carriage encoder"}),
+        ({"wheel": 5e-3, "guide": 5e-3},
+         {"delay of the wheel encoder", "delay of the carriage encoder"}),
+    ],
+)  # fmt: skip
+def test_each_late_encoder_is_named(late_s: dict[str, float], names: set[str]) -> None:
+    """A late wheel encoder was a shaft that winds up, both a delay of the current."""
+    base = right("pvc")
+    late_ones = {name: replace(getattr(base, name), delay_s=by) for name, by in late_s.items()}
+    result = found(replace(base, **late_ones), SLOW)
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.CORRECTED
+    assert {item.name for item in result.gate.explanations} == names
+    for item in result.gate.explanations:
+        assert item.size == pytest.approx(5e-3, abs=2e-4)
+    stiffness = result.parameter("sigma_0")
+    assert stiffness.low is not None and stiffness.high is not None
+    assert stiffness.low <= base.physics.s0 <= stiffness.high
+
+
+@pytest.mark.parametrize("late_s", [-7.3e-3, -2e-4, 3e-4, 5.2e-3])
+def test_delays_move_readings_as_their_derivatives_say(late_s: float) -> None:
+    world = replace(right("pvc"), program=FEW[:3])
+    trials = world.trials(1)
+    parts, _ = sort_out(trials, [sampling_period_s(trial) for trial in trials], Settings())
+    q = world.physics
+    friction = np.array([q.v_s, q.mu_c, math.log(q.mu_s / q.mu_c), q.s0, q.s1, q.s2])
+    system = rig_system(parts, world.rig, friction)
+    shared = np.array([unknown.parameter.start for unknown in system.shared])
+    local = np.zeros(len(system.local))
+    names = [unknown.parameter.name for unknown in system.shared]
+    at_once = system.simulate(0, shared, local)
+    for name, output in (("carriage_delay", 1), ("wheel_delay", 0)):
+        place = names.index(name)
+        late_one, later = shared.copy(), shared.copy()
+        late_one[place], later[place] = late_s, late_s + 1e-7
+        seen, slopes = system.linearise(0, late_one, local)
+        np.testing.assert_array_equal(seen, system.simulate(0, late_one, local))
+        difference = (system.simulate(0, later, local) - seen) / 1e-7
+        np.testing.assert_allclose(
+            slopes[:, output, place], difference[:, output], rtol=1e-3, atol=1e-3
+        )
+        if late_s < 0.0:
+            continue
+        rows = np.arange(len(seen))
+        travel, read = (  # of the carriage, or of the wheel
+            part[:, 1] if output else part[:, 0] + part[:, 1] for part in (at_once, seen)
+        )
+        exact = np.interp(rows - late_s / system.period_s, rows, travel)
+        np.testing.assert_allclose(read, exact, atol=2e-6)  # a fifteenth of a count
+
+
 def test_late_reading_lies_between_the_samples() -> None:
     time = np.arange(200.0)[:, None]
     seen, slope = late(np.sin(0.05 * time), 2.3)

@@ -152,14 +152,8 @@ def test_intervals_hold_the_truth_and_are_narrow(pvc: IdentificationResult, benc
         assert found.high - found.low < widest.get(name, 0.2) * value, name
 
 
-@pytest.mark.parametrize(
-    "start",
-    [
-        (0.016, 0.0099, 0.0, 6.2, 3.1, 0.76),  # to no Stribeck effect, 4 times the noise off
-        (0.87, 2.0, 0.0, 4.0, 1.5, 0.17),  # 16 times
-    ],
-)
-def test_start_that_ends_wrong_is_left(begun: RigFit, start: tuple[float, ...]) -> None:
+def test_start_that_ends_wrong_is_left(begun: RigFit) -> None:
+    start = (0.87, 2.0, 0.0, 4.0, 1.5, 0.17)  # 16 times the noise off
     system = begun.family.system
     known = [item.parameter.start for item in system.shared[len(start) :]]
     wrong = replace(begun.family, starts=(np.array([*start, *known]),))

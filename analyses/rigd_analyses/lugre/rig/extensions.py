@@ -48,9 +48,8 @@ BY_TRIAL = (
     f"{FRICTION} that depends on the trial",
     f"{FRICTION} that depends on the recording",
 )
-DELAYS = LATE_CURRENT, LATE_ENCODERS = "a delay of the current", "a delay of both encoders"
 #: Of what kind things are that are easily taken for one another.
-LIKE = dict.fromkeys(BY_TRIAL, "by trial") | dict.fromkeys(DELAYS, "delay")
+LIKE = dict.fromkeys(BY_TRIAL, "by trial")
 #: What to check if friction differs between trials.
 BETWEEN = (
     "wear, dirt or warming of wheel and floor, how long the contact rested before each trial, and "
@@ -219,20 +218,13 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         POSITIVE,
     )
     yield yielded(
-        LATE_ENCODERS,
-        "s",
-        "the counter or bus that reads both, its filter and time stamps",
-        lambda k, m: rig.readings(position=-m.speed[:, None], angle=-m.turning[:, None]),
-        possible=LATEST,
-    )
-    yield yielded(
         "a zero of the accelerometer that drifts",
         "m/s^3",
         "the accelerometer's temperature",
         lambda k, m: rig.readings(acceleration=m.time[:, None]),
     )
     yield current(
-        LATE_CURRENT,
+        "a delay of the current",
         "s",
         "the filter of the current monitor, the amplifier's loop",
         lambda m: np.gradient(m.current, period),

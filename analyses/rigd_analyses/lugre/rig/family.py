@@ -63,6 +63,8 @@ from rigd_analyses.lugre.rig.standard_errors import (
     slip,
 )
 from rigd_analyses.lugre.rig.system import (
+    DELAY_S,
+    LATE_SENSORS,
     RigSystem,
     driven_trial,
 )
@@ -124,7 +126,7 @@ class RigFamily(Family[RigSystem]):
     def findings(self, whole: OutputErrorFit, gate: Gate, tests: tuple[ResidualTest, ...]) -> Gate:
         """Return ``gate``, a misfit if the trials need something of their own each."""
         if not _is_by_trial(gate):
-            return gate
+            return replace(gate, sentence=" ".join([gate.sentence, *_late_together(gate)]))
         changed = changes(tests)
         why = (*changed, sentence(gate.explanations[0]))[0]
         text = " ".join([f"The model does not fit these data: {why}", *_confounded(self.trials)])
@@ -222,6 +224,22 @@ def with_intervals(begun: RigFit) -> RigIdentification:
 def _is_by_trial(gate: Gate) -> bool:
     """Whether what explains most is something that each trial has of its own."""
     return any(item.name in BY_TRIAL for item in gate.explanations[:1])
+
+
+def _late_together(gate: Gate) -> list[str]:
+    """Return a sentence if sensors are late by the same: one cause is likelier then than each."""
+    late = [item for item in gate.explanations if item.name in LATE_SENSORS]
+    if len(late) < 2 or np.ptp([item.size for item in late]) > DELAY_S:
+        return []
+    if len(late) == len(LATE_SENSORS):
+        return [
+            "All sensors are late (or early) by the same against the current, so that it may be "
+            "the current that is early (or late): these data do not tell the two apart. Look at "
+            "the filter and the time stamps of the current monitor first."
+        ]
+    if all("encoder" in item.name for item in late):
+        return ["Both encoders are late by the same: look at the counter or bus that reads both."]
+    return []
 
 
 def described(trial: LugreTrial) -> str:

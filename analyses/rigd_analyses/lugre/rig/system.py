@@ -36,6 +36,9 @@ from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
 from rigd_analyses.lugre.trials.resolution import Rounding
 from rigd_analyses.lugre.trials.trial import LugreTrial
 
+LATE_SENSORS = (
+    "delay of the wheel encoder", "delay of the carriage encoder", "delay of the accelerometer"
+)  # fmt: skip
 REACH = 40.0  #: a constant may move by this many of its uncertainties
 FAR = 4.0  #: and one that must be positive by this factor
 LEAST_U = 1e-4  #: relative: no constant is known better than this
@@ -269,10 +272,10 @@ class RigSystem:
             _zero("current_zero", "A", self._current_zero_u(), "zero of the current"),
             _zero("ripple_cos", "1/s", RIPPLE, "force of the rollers' transitions"),
             _zero("ripple_sin", "1/s", RIPPLE, "force of the rollers' transitions, sine"),
-            _zero("wheel_delay", "s", DELAY_S, "delay of the wheel encoder"),
-            _zero("carriage_delay", "s", DELAY_S, "delay of the carriage encoder"),
+            _zero("wheel_delay", "s", DELAY_S, LATE_SENSORS[0]),
+            _zero("carriage_delay", "s", DELAY_S, LATE_SENSORS[1]),
             _zero("acceleration_gain", "1", ACCELERATION_GAIN, "gain of the accelerometer"),
-            _zero("acceleration_delay", "s", DELAY_S, "delay of the accelerometer"),
+            _zero("acceleration_delay", "s", DELAY_S, LATE_SENSORS[2]),
             _zero("shake_cos", "1/s", RIPPLE, "shaking of the accelerometer, cos"),
             _zero("shake_sin", "1/s", RIPPLE, "shaking of the accelerometer, sin"),
             _zero("shake_2_cos", "1/s", RIPPLE, "shaking of the accelerometer, cos of twice"),
