@@ -18,6 +18,7 @@ from rigd_analyses.lugre.slip_force.identify import Settings, identify_lugre
 from rigd_analyses.lugre.slip_force_check import checked
 from rigd_analyses.lugre.trials.known_constants import Known, RigConstants
 from rigd_analyses.lugre.trials.resolution import Rounding, count
+from rigd_analyses.lugre.trials.spikes import spiky, without_spikes
 from rigd_analyses.lugre.trials.trial import LugreConstants, LugreTrial
 
 #: What a person calls a trial, by its parameters.
@@ -76,11 +77,12 @@ def identify(
         result = _by_slip_force(usable, found, constants, settings)
     if options.compare:
         comparison, broken = compare_by_law(found, constants, settings, options)
-        warnings = (*result.warnings, *(f"not compared: {why}" for why in broken))
-        result = replace(result, comparison=comparison, warnings=warnings)
+        left = (f"not compared: {why}" for why in broken)
+        result = replace(result, comparison=comparison, warnings=(*result.warnings, *left))
     account = result.preprocessing
     whole = replace(account, rejected=(*unusable, *account.rejected))
-    return replace(result, preprocessing=whole)
+    warnings = dict.fromkeys((*result.warnings, *spiky(found)))
+    return replace(result, preprocessing=whole, warnings=tuple(warnings))
 
 
 def _by_slip_force(
@@ -256,7 +258,7 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:
             f"{sweep.path}: trial {trial.number} has no parameter 'current'",
             hint="method A needs tests with one constant current each",
         )
-    return LugreTrial(
+    read = LugreTrial(
         label=label,
         recording=str(sweep.path),
         current_a=float(current),
@@ -270,6 +272,7 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:
         carriage_encoder=_rounding(faster.get("carriage_position"), len(t_s)),
         accelerometer=_rounding(faster.get("acceleration"), len(t_s)),
     )
+    return without_spikes(read)
 
 
 def _rounding(samples: FloatArray | None, means: int) -> Rounding | None:

@@ -14,6 +14,7 @@ from rigd_analyses.lugre.rig.parts import sort_out
 from rigd_analyses.lugre.slip_force.identify import Settings
 from rigd_analyses.lugre.trials.rows import jump
 from rigd_analyses.lugre.trials.slip_and_traction import Guards, process_trial
+from rigd_analyses.lugre.trials.spikes import spiky, without_spikes
 from rigd_analyses.lugre.trials.trial import LugreTrial
 
 JUMP = "both encoders jump by the way of"
@@ -74,3 +75,28 @@ def test_braking_at_low_rate_is_no_jump(every: int) -> None:
 )
 def test_other_motion_is_no_jump_of_rows(world: World) -> None:
     assert not any(JUMP in reason for reason in left_out(world).values())
+    assert spiky([without_spikes(trial) for trial in world.trials(3)]) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "encoder", "size", "told"),
+    [
+        ("wheel_angle_rad", "wheel encoder", 0.02, "0.02 rad"),
+        ("carriage_position_m", "carriage encoder", 2e-3, "0.002 m"),
+    ],
+)
+def test_single_readings_aside_are_bridged_and_told(
+    name: str, encoder: str, size: float, told: str
+) -> None:
+    (trial, *_) = right("pvc", program=FEW).trials(3)
+    values = getattr(trial, name).copy()
+    values[100::500] += size
+    bridged = without_spikes(replace(trial, **{name: values}))
+    found = getattr(bridged, name)
+    np.testing.assert_allclose(found, getattr(trial, name), atol=0.1 * size)
+    np.testing.assert_array_equal(np.delete(found, np.s_[100::500]),
+                                  np.delete(values, np.s_[100::500]))  # fmt: skip
+    (sentence,) = spiky([bridged, trial])
+    count = len(values[100::500])
+    assert f"{encoder} has spikes: {count} single readings in 1 trials" in sentence
+    assert f"up to {told}" in sentence

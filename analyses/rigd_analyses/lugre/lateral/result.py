@@ -31,6 +31,7 @@ from rigd_analyses.lugre.lateral.intervals import Ends
 from rigd_analyses.lugre.lateral.speeds.errors import Cell, Speeds, Together, together
 from rigd_analyses.lugre.lateral.thresholds import LATERAL
 from rigd_analyses.lugre.rig.standard_errors import UNEXPLAINED, WINDOW_S
+from rigd_analyses.lugre.trials.spikes import spiky
 
 METHOD = "output error: current and lateral speed in; slip, travel and acceleration out"
 POINTS = 25
@@ -350,6 +351,7 @@ def _warnings(
     if found.ends is not None:
         lines += changes(found.tests)
     lines += [f"{item.label} was left out: {item.reason}" for item in found.family.rejected]
+    lines += spiky([driven.trial for driven in system.rig.trials])
     signs = {math.copysign(1.0, item.lateral_speed_m_s) for item in cells
              if item.lateral_speed_m_s != 0.0}  # fmt: skip
     if len(signs) < 2:

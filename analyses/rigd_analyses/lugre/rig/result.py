@@ -56,6 +56,7 @@ from rigd_analyses.lugre.rig.standard_errors import (
     slip,
 )
 from rigd_analyses.lugre.rig.system import RigSystem
+from rigd_analyses.lugre.trials.spikes import spiky
 
 METHOD = "output error: current in; slip, travel and acceleration out"
 
@@ -109,6 +110,7 @@ def result(found: RigIdentification) -> IdentificationResult:
             *([] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]),
             *(changes(found.tests) if fits else ()),
             *(f"{item.label} was left out: {item.reason}" for item in family.rejected),
+            *spiky([item.trial for item in system.trials]),
         ),
         gate=gate,
         alarms=found.alarms,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,7 +30,7 @@ class LugreTrial:
     0.5 while something else than the motor holds or moves the carriage; None if not recorded.
     ``load`` is the mass over that of the constants. ``wheel_encoder``, ``carriage_encoder`` and
     ``accelerometer`` are known if their readings are means of several samples; else these show how
-    they round.
+    they round. ``spikes`` are the sizes of single readings that were bridged, by encoder.
     """
 
     label: str
@@ -45,6 +46,7 @@ class LugreTrial:
     wheel_encoder: Rounding | None = None
     carriage_encoder: Rounding | None = None
     accelerometer: Rounding | None = None
+    spikes: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def angle_rounding(self) -> Rounding:
