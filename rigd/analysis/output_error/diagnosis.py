@@ -209,16 +209,28 @@ def diagnose(
 
 
 def _unseen(tests: Sequence[Tested], left: Sequence[Tested]) -> list[FloatArray]:
-    """Return the step (p,) with the law of ``tests`` that explains most without being significant.
+    """Return the steps (p,) with the laws of ``tests`` that are not significant.
 
-    It is less by the share that chance would gain: what the data just cannot show is in no
-    interval else.
+    What the data just cannot show is in no interval else. Of a law whose size has an uncertainty
+    of its own the step is as far as data and that leave its size open; of the others it is that of
+    the one that explains most, less by the share that chance would gain.
     """
     laws = [item for item in tests if item.meaning is Meaning.LAW and item not in left]
+    steps = [_open_step(item) for item in laws if item.candidate is not None]
     best = max(laws, key=lambda item: item.worth, default=None)
-    if best is None or best.worth <= 0.0:
-        return []
-    return [best.score.shift * best.worth / best.score.gain]
+    if best is not None and best.worth > 0.0:
+        steps.append(best.score.shift * best.worth / best.score.gain)
+    return [step for step in steps if np.any(step)]
+
+
+def _open_step(item: Tested) -> FloatArray:
+    """Return the step (p,) of the root mean square size that data and ``u`` of it leave open."""
+    size, sd = float(item.score.size[0]), float(item.score.sd[0])
+    u = math.inf if item.candidate is None else item.candidate.u
+    if not (math.isfinite(u) and math.isfinite(sd) and size):
+        return np.zeros_like(item.score.shift)
+    share = u**2 / (u**2 + sd**2)
+    return item.score.shift * (math.hypot(size * share, sd * math.sqrt(share)) / size)
 
 
 def _deviance(found: OutputErrorFit) -> float:

@@ -83,9 +83,11 @@ class Suspect:
     may differ from trial to trial, as a phase does; ``meaning`` what it makes of the parameters.
     ``near`` makes the same thing a little otherwise (another length of what repeats), if it comes
     in all sizes. ``possible`` are the least and the largest size that it can have, in its unit:
-    with another it is not the cause. ``context`` is the quantity of a dependence, ``harmonics`` of
-    how many waves it is the sum: first the cosines of all, then their sines. Things of one kind
-    ``like``, such as delays, are easily taken for one another: all of them are fitted.
+    with another it is not the cause. ``u`` is the standard uncertainty of a single size that no
+    file states: what the data leave open of it stays in the intervals. ``context`` is the quantity
+    of a dependence, ``harmonics`` of how many waves it is the sum: first the cosines of all, then
+    their sines. Things of one kind ``like``, such as delays, are easily taken for one another: all
+    of them are fitted.
     """
 
     name: str
@@ -97,6 +99,7 @@ class Suspect:
     meaning: Meaning = Meaning.NUISANCE
     near: Callable[[], Iterable[Suspect]] | None = None
     possible: tuple[float, float] = ANY
+    u: float = math.inf
     context: str = ""
     harmonics: int = 0
     like: str = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from blind.judge import LUGRE, run, verdict
-from blind.rig import draw, drive
+from blind.judge import LUGRE, run, verdict, worst
+from blind.rig import Rig, draw, drive
 from blind.worlds import kinds, world
 
 KINDS = kinds()
@@ -91,3 +92,33 @@ def test_named_cause_explains_best_once_fitted(
     found = run(kind, size, seed, tmp_path, LUGRE)
     assert found["explanations"][0]["name"].startswith(name)
     assert verdict(found, KINDS) == words
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "seed", "words"),
+    [
+        ("wheel encoder late", 0, 1, "rightly named"),
+        ("both encoders late", 1, 2, "refused, rightly named"),
+        ("carriage spikes", 1, 0, "rightly named"),
+        ("wheel encoder spikes", 1, 2, "rightly named"),
+    ],
+)
+def test_spoilt_encoder_is_rightly_named(
+    kind: str, size: int, seed: int, words: str, tmp_path: Path
+) -> None:
+    """All were refused, without a name or with a wrong one."""
+    assert verdict(run(kind, size, seed, tmp_path, LUGRE), KINDS) == words
+
+
+def test_exponent_that_no_data_show_is_in_the_intervals(tmp_path: Path) -> None:
+    """V_s was 2.3 half widths off in silence, mu_s 2.1; of a right rig V_s was 1.5 off."""
+
+    def other_exponent(seed: int) -> Rig:
+        rig = draw(seed)
+        rig.true["exponent"] = 0.45
+        return rig
+
+    found = run("right", 0, 20, tmp_path, replace(LUGRE, draw=other_exponent))
+    assert found["outcome"] == "fits"
+    assert {"V_s", "mu_s"} < set(found["misses"])
+    assert worst(found) < 1.0

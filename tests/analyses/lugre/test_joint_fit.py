@@ -55,11 +55,11 @@ def test_floors_with_shared_constants_are_known_better(floors: list[RigFit], ben
     assert not joint.differing
     assert [item.name for item in joint.constants] == list(OF_THE_RIG)
     pvc = floors[1]
-    alone = conclude_group(pvc).parameter("mu_s")
-    shared = conclude_group(replace(pvc, whole=joint.fits[1])).parameter("mu_s")
+    alone = conclude_group(pvc).parameter("sigma_0")
+    shared = conclude_group(replace(pvc, whole=joint.fits[1])).parameter("sigma_0")
     assert shared.low is not None and shared.high is not None
     assert alone.low is not None and alone.high is not None
-    assert shared.low <= bench("pvc").truth.mu_s <= shared.high
+    assert shared.low <= bench("pvc").truth.s0 <= shared.high
     assert shared.high - shared.low < 0.9 * (alone.high - alone.low)
 
 
