@@ -216,21 +216,22 @@ def _unseen(tests: Sequence[Tested], left: Sequence[Tested]) -> list[FloatArray]
     the one that explains most, less by the share that chance would gain.
     """
     laws = [item for item in tests if item.meaning is Meaning.LAW and item not in left]
-    steps = [_open_step(item) for item in laws if item.candidate is not None]
-    best = max(laws, key=lambda item: item.worth, default=None)
+    stated = [item for item in laws if item.candidate is not None and item.candidate.u < math.inf]
+    steps = [_open_step(item.score, item.candidate.u) for item in stated if item.candidate]
+    others = [item for item in laws if item not in stated]
+    best = max(others, key=lambda item: item.worth, default=None)
     if best is not None and best.worth > 0.0:
         steps.append(best.score.shift * best.worth / best.score.gain)
     return [step for step in steps if np.any(step)]
 
 
-def _open_step(item: Tested) -> FloatArray:
-    """Return the step (p,) of the root mean square size that data and ``u`` of it leave open."""
-    size, sd = float(item.score.size[0]), float(item.score.sd[0])
-    u = math.inf if item.candidate is None else item.candidate.u
-    if not (math.isfinite(u) and math.isfinite(sd) and size):
-        return np.zeros_like(item.score.shift)
+def _open_step(score: Score, u: float) -> FloatArray:
+    """Return the step (p,) of the root mean square size that the data and its ``u`` leave open."""
+    size, sd = float(score.size[0]), float(score.sd[0])
+    if u == 0.0 or not (math.isfinite(sd) and size):
+        return np.zeros_like(score.shift)
     share = u**2 / (u**2 + sd**2)
-    return item.score.shift * (math.hypot(size * share, sd * math.sqrt(share)) / size)
+    return np.asarray(score.shift * (math.hypot(size * share, sd * math.sqrt(share)) / size))
 
 
 def _deviance(found: OutputErrorFit) -> float:

@@ -84,7 +84,8 @@ class Suspect:
     ``near`` makes the same thing a little otherwise (another length of what repeats), if it comes
     in all sizes. ``possible`` are the least and the largest size that it can have, in its unit:
     with another it is not the cause. ``u`` is the standard uncertainty of a single size that no
-    file states: what the data leave open of it stays in the intervals. ``context`` is the quantity
+    file states: what the data leave open of it stays in the intervals; 0 if nothing does that is
+    not significant. ``context`` is the quantity
     of a dependence, ``harmonics`` of how many waves it is the sum: first the cosines of all, then
     their sines. Things of one kind ``like``, such as delays, are easily taken for one another: all
     of them are fitted.

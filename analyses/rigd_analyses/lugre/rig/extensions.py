@@ -27,6 +27,7 @@ from rigd_analyses.lugre.rig.disturbances import Disturbed, Motion
 from rigd_analyses.lugre.rig.system import LEAD, RigSystem
 
 WARMING_S = 0.3  #: time over which friction may change within a drive
+LEAST_SLIP_M_S = 1e-4  #: below it friction is at rest
 STICTION_M_S = 0.02  #: speed over which the guide's static friction falls
 ORDERS = tuple(n for n in range(1, 41))  #: per turn of the wheel, of a force
 SHORTEST_M = 0.03  #: of what may repeat along the guide
@@ -38,10 +39,10 @@ MAINS_HZ = (50.0, 60.0)
 #: Largest sizes that a cause can have; with a larger one it is not the cause.
 LATEST = (-0.1, 0.1)  #: s, of a delay: a slower filter leaves no motion to identify
 LOOSEST_RAD = 0.2  #: of backlash: more than 10 degrees are heard
-OFF_CENTRE = 0.1  #: eccentricity of a wheel over its radius
 #: Standard uncertainty of the exponent 1/2 of Eq. 6, which no paper states. Of 0.45 the data of six
 #: trials on PVC may show nothing, and V_s was 2 to 4 half widths off.
 EXPONENT_U = 0.05
+OFF_CENTRE = 0.1  #: eccentricity of a wheel over its radius
 
 FRICTION = "friction"
 WEAR = "friction that changes from the first trial to the last"
@@ -78,7 +79,12 @@ def suspects(rig: Disturbed) -> Iterator[Suspect]:
 
 def _all(rig: Disturbed) -> Iterator[Suspect]:
     yield from _special(rig)
-    for item in dependences(sources(rig), contexts(rig)):
+    by_slip = {
+        item.name: replace(item, u=0.0)  # any curve would do: the exponent has what stays open
+        for item in dependences([contact(rig)], [_decades(rig)])
+    }
+    for pair in dependences(sources(rig), contexts(rig)):
+        item = by_slip.get(pair.name, pair)
         if item.name.startswith(FRICTION):
             meaning = Meaning.LAW if item.name.endswith(LAWS) else Meaning.VARIES
             look = BETWEEN if item.name in BY_TRIAL else item.look
@@ -96,13 +102,27 @@ def sources(rig: Disturbed) -> list[ErrorSource]:
     return [
         ErrorSource("a force on the carriage", "N", lambda k, s: rig.forced(k, force_n=s)),
         ErrorSource("an error of the current", "A", lambda k, s: rig.forced(k, torque_nm=gain * s)),
-        ErrorSource(FRICTION, "1", lambda k, s: rig.rubbed(k, friction_share=s)),
+        contact(rig),
         ErrorSource("an error of the carriage encoder", "m", lambda k, s: rig.readings(position=s)),
         ErrorSource("an error of the wheel encoder", "rad", lambda k, s: rig.readings(angle=s)),
         ErrorSource(
             "an error of the accelerometer", "m/s^2", lambda k, s: rig.readings(acceleration=s)
         ),
     ]
+
+
+def contact(rig: Disturbed) -> ErrorSource:
+    """Return the friction of the contact as the place of an error."""
+    return ErrorSource(FRICTION, "1", lambda k, s: rig.rubbed(k, friction_share=s))
+
+
+def _decades(rig: Disturbed) -> Context:
+    """Return the slip as laws of friction depend on it: over its decades, either way alike.
+
+    Over the slip itself four cosines do not show what happens below V_s.
+    """
+    slips = [np.maximum(np.abs(motion.slip), LEAST_SLIP_M_S) for motion in rig.motions]
+    return Context(SLIP, [np.log(slip) for slip in slips])
 
 
 def contexts(rig: Disturbed) -> list[Context]:
@@ -289,10 +309,11 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
         lambda k, m: _other_radius(rig, k, ((radius * m.turning) ** 2)[:, None]),
         possible=POSITIVE,
     )
-    yield friction(
+    exponent = friction(
         "another exponent of the Stribeck effect", "a model with that exponent",
         lambda m: _by_exponent(rig, m), Meaning.LAW,
     )  # fmt: skip
+    yield replace(exponent, u=EXPONENT_U)
     yield yielded(
         "bristles that leave the contact as the wheel rolls", "1/m", "a model with relaxation",
         lambda k, m: rig.rubbed(k, bristle=-(radius * np.abs(m.turning) * m.bristle)[:, None]),
@@ -310,7 +331,6 @@ def _special(rig: Disturbed) -> Iterator[Suspect]:
             "wear or dirt of wheel and floor, their temperature",
             lambda m: np.full(m.time.size, order[id(m)]),
         )
-    yield replace(exponent, u=EXPONENT_U)
         yield yielded(
             "bristle stiffness that changes from the first trial to the last",
             "1",
