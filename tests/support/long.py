@@ -590,7 +590,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_wrong_torque_constant_is_rightly_named",
             "test_named_cause_explains_best_once_fitted",
             "test_spoilt_encoder_is_rightly_named",
-            "test_exponent_that_no_data_show_is_in_the_intervals",
+            "test_exponent_not_shown_is_in_the_intervals",
         ),
         "analyses/lugre/test_coverage_study.py": (),
         "analyses/lugre/test_wrong_worlds.py": (),

@@ -110,7 +110,7 @@ def test_spoilt_encoder_is_rightly_named(
     assert verdict(run(kind, size, seed, tmp_path, LUGRE), KINDS) == words
 
 
-def test_exponent_that_no_data_show_is_in_the_intervals(tmp_path: Path) -> None:
+def test_exponent_not_shown_is_in_the_intervals(tmp_path: Path) -> None:
     """V_s was 2.3 half widths off in silence, mu_s 2.1; of a right rig V_s was 1.5 off."""
 
     def other_exponent(seed: int) -> Rig:
