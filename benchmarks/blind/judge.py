@@ -28,7 +28,7 @@ Row = dict[str, Any]
 #: intervals of 95 % chance puts one beyond 1 in two cases of five, beyond 1.5 in one of thirty.
 WRONG: Final = 1.5
 LONGEST: Final = 400  # s of CPU that one identification may take
-#: Their parameters have no true value: another law holds. All but the first two have a true curve g.
+#: Their parameters have no true value: another law holds. All but the first two have a true g.
 OTHER_LAW: Final = (
     *("rolling relaxation", "load shifts with force", "ageing in rest", "gaussian law"),
     *("exponential law", "steep law", "lorentz law", "plateau law"),

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from rigd.analysis.recordings.resample import MOST_BRIDGED
 from rigd.analysis.result import BoolArray, FloatArray
 from rigd_analyses.lugre.trials.resolution import Rounding
 from rigd_analyses.lugre.trials.rows import BY_DEVIATION, CLEAR
 from rigd_analyses.lugre.trials.trial import LugreTrial
 
 ENCODERS = {"wheel encoder": "rad", "carriage encoder": "m"}
+MOST_BRIDGED = 0.02  #: share of a trial's readings, as of rows that are missing
 BY_COUNTS = math.sqrt(1.0 / 8.0)  #: of a reading less the mean of its neighbours, for each count
 COMES_BACK = 0.25  #: of a spike: so exactly half of it, with the other sign, stands beside it
 
