@@ -180,6 +180,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_same_seed_gives_same_bytes_another_does_not",
         ),
         "system/test_soak.py": (),
+        "system/test_swept_parameter.py": (),
         "system/test_third_family.py": (
             "test_a_third_family_is_listed_and_checked",
             "test_third_family_recording_has_a_page",
