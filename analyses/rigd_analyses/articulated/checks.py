@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -13,7 +14,6 @@ from rigd.analysis.result import FloatArray
 from rigd_analyses.articulated.reading import REST_FRAMES, RobotTrial, in_succession
 from rigd_analyses.articulated.system import LOCAL, RATIO, SHARED, RobotSystem, Run
 
-MARKERS: Final = ("front", "rear")
 EXCHANGED: Final = 0.05  #: share of a trial's frames; single ones are left out
 SILENT_S: Final = 0.5  #: without a marker, from which it is reported
 SEEN: Final = 0.5  #: share of frames in which each marker must be seen
@@ -26,8 +26,11 @@ LATE: Final = 0.6  #: share of a trial after which the hinge has come to rest
 BENT: Final = 0.2  #: rad, of a circle
 
 
-def check_markers(trials: Sequence[RobotTrial]) -> None:
+def check_markers(trials: Sequence[RobotTrial], *, pulls: bool = True) -> None:
     """Check that each marker is seen at rest and often enough, and is that of its module.
+
+    ``pulls`` is whether the first module alone drives: a robot that is pushed may fold, and then
+    turns to either side.
 
     Raises:
         DataError: it is not, or the robot turns to the other side than its wheels.
@@ -35,24 +38,27 @@ def check_markers(trials: Sequence[RobotTrial]) -> None:
     for item in trials:
         _check_seen(item)
     _check_succession(trials)
-    exchanged = [(item, _exchanged(item)) for item in trials]
-    wrong = [(item, off) for item, off in exchanged if np.mean(off) > EXCHANGED]
-    if wrong:
+    for ahead, (first, second) in enumerate(pairwise(trials[0].modules)):
+        exchanged = [(item, _exchanged(item, ahead)) for item in trials]
+        wrong = [(item, off) for item, off in exchanged if np.mean(off) > EXCHANGED]
+        if not wrong:
+            continue
         item, off = wrong[0]
         where = "each trial" if len(wrong) == len(trials) else f"{len(wrong)} trials"
         raise DataError(
             f"{item.label}: from {item.t_s[int(np.argmax(off))]:.1f} s on, in "
-            f"{np.count_nonzero(off)} of {len(off)} frames, the front marker is behind the rear "
-            f"one (so in {where}): they are taken for each other",
+            f"{np.count_nonzero(off)} of {len(off)} frames, the {first} marker is behind the "
+            f"{second} one (so in {where}): they are taken for each other",
             hint="exchange both markers' signals in the procedure (`--plan`), or record again; a "
             "marker that is turned by half a turn on its module looks the same",
         )
-    _check_sense(trials)
+    if pulls:
+        _check_sense(trials)
 
 
 def _check_seen(item: RobotTrial) -> None:
-    for module, column in zip(MARKERS, (0, 3), strict=True):
-        seen = item.seen[:, column]
+    for place, module in enumerate(item.modules):
+        seen = item.seen[:, 3 * place]
         if not np.any(seen[:REST_FRAMES]):
             problem = f"the camera does not show the {module} marker where the robot stands"
         elif np.mean(seen) < SEEN:
@@ -71,8 +77,8 @@ def _check_seen(item: RobotTrial) -> None:
 
 
 def _check_succession(trials: Sequence[RobotTrial]) -> None:
-    for module, column in zip(MARKERS, (0, 3), strict=True):
-        if not any(np.any(in_succession(item.seen[:, column])) for item in trials):
+    for place, module in enumerate(trials[0].modules):
+        if not any(np.any(in_succession(item.seen[:, 3 * place])) for item in trials):
             raise DataError(
                 f"the camera never shows the {module} marker in three frames in succession, which "
                 "the noise of its poses is taken from",
@@ -80,13 +86,14 @@ def _check_succession(trials: Sequence[RobotTrial]) -> None:
             )
 
 
-def _exchanged(item: RobotTrial) -> NDArray[np.bool_]:
-    """Return the frames (n,) in which the front marker is behind the rear one."""
-    poses = item.poses
+def _exchanged(item: RobotTrial, ahead: int) -> NDArray[np.bool_]:
+    """Return the frames (n,) in which the marker of a module is behind that of the next one."""
+    first = 3 * ahead
+    poses, seen = item.poses[:, first : first + 6], item.seen[:, first : first + 6]
     along = np.cos(poses[:, 2]) + np.cos(poses[:, 5]), np.sin(poses[:, 2]) + np.sin(poses[:, 5])
     apart = poses[:, 0] - poses[:, 3], poses[:, 1] - poses[:, 4]
     behind = along[0] * apart[0] + along[1] * apart[1] < 0.0
-    return np.asarray(behind & item.seen[:, 0] & item.seen[:, 3], dtype=np.bool_)
+    return np.asarray(behind & seen[:, 0] & seen[:, 3], dtype=np.bool_)
 
 
 def _check_sense(trials: Sequence[RobotTrial]) -> None:
@@ -108,8 +115,8 @@ def silences(trials: Sequence[RobotTrial]) -> list[str]:
     """Return a sentence on each marker that a trial does not show for SILENT_S or longer."""
     found = []
     for item in trials:
-        for module, column in zip(MARKERS, (0, 3), strict=True):
-            begin, count = _longest(~item.seen[:, column])
+        for place, module in enumerate(item.modules):
+            begin, count = _longest(~item.seen[:, 3 * place])
             if count * item.period_s >= SILENT_S:
                 found.append(
                     f"{item.label}: the camera shows no {module} marker for "

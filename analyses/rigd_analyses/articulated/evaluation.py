@@ -50,12 +50,14 @@ def robot_system(
         DataError: constants differ between recordings, or a signal is missing or too short.
     """
     arrays, constants = tuple(robot_trials(trials)), constants_of(trials)
-    return RobotSystem(arrays, constants, _positive(trials, "gear_ratio"), known=contacts or {})
+    return RobotSystem(
+        arrays, constants, positive_constant(trials, "gear_ratio"), known=contacts or {}
+    )
 
 
 def certain_grip(trials: Trials) -> float:
     """Return the share of its load that a contact carries without sliding."""
-    return _constant(trials, "certain_grip")
+    return common_constant(trials, "certain_grip")
 
 
 def unused(trials: Trials) -> list[str]:
@@ -73,13 +75,18 @@ def constants_of(trials: Trials) -> dict[str, tuple[float, float]]:
     names = [name for name in (*SHARED, "rotor_inertia") if name in sweep.plan.constants]
     found = {}
     for name in names:
-        value = _positive(trials, name)
+        value = positive_constant(trials, name)
         found[name] = (value, max(s.uncertainty(trial, name) or 0.0 for s, trial in trials))
     return {name: found[name] for name in found if name not in CONTACTS}
 
 
-def _positive(trials: Trials, name: str) -> float:
-    value = _constant(trials, name)
+def positive_constant(trials: Trials, name: str) -> float:
+    """Return a constant that all trials have in common, in SI.
+
+    Raises:
+        DataError: it is missing, differs, or is not positive.
+    """
+    value = common_constant(trials, name)
     if not (np.isfinite(value) and value > 0.0):
         raise DataError(
             f"{trials[0][0].path}: {name} is {value:g}, must be a positive number",
@@ -88,8 +95,8 @@ def _positive(trials: Trials, name: str) -> float:
     return value
 
 
-def _constant(trials: Trials, name: str) -> float:
-    """Return a constant that all trials have in common.
+def common_constant(trials: Trials, name: str) -> float:
+    """Return a constant that all trials have in common, in SI.
 
     Raises:
         DataError: it is missing, or differs.

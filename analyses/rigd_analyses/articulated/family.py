@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.fitting.uncertainty import scaled_pinv
@@ -60,18 +61,12 @@ class RobotFamily(Family[RobotSystem]):
 
     def findings(self, whole: OutputErrorFit, gate: Gate, tests: tuple[ResidualTest, ...]) -> Gate:
         """Return ``gate`` with a torque that is off, and a scale that all lengths share."""
-        loud = _loud_torque(self.system, whole, self.labels)
-        if loud and gate.outcome is not FitOutcome.MISFIT:
-            text = f"The model does not fit these data: {loud}"
-            findings = (loud, *gate.findings)
-            gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=text, findings=findings)
-        off = common_scale(whole)
-        return _with_lengths(gate, off) if abs(off) > ROBOT.max_length_share else gate
+        gate = with_torques(gate, whole, self.system, self.labels, ("right", "left"))
+        return with_lengths(gate, whole)
 
     def shifts(self, whole: OutputErrorFit) -> tuple[FloatArray, ...]:
         """Return the step of the parameters if all lengths are off instead of the camera."""
-        off = common_scale(whole)
-        return (_by_lengths(whole, off),) if abs(off) > ROBOT.max_length_share else ()
+        return by_lengths(whole, LENGTHS)
 
 
 def robot_family(found: RobotFit, grip: float) -> RobotFamily:
@@ -93,7 +88,7 @@ def common_scale(found: OutputErrorFit) -> float:
     The better known axis counts for more: a robot that drives along x shows little of y. It is 0 if
     chance may show as much.
     """
-    places = [SHARED.index(f"scale_{axis}") for axis in "xy"]
+    places = [_names(found).index(f"scale_{axis}") for axis in "xy"]
     covariance = found.covariance[np.ix_(places, places)]
     variances = np.diag(covariance)
     weights = np.divide(1.0, variances, out=np.zeros(2), where=variances > 0.0)
@@ -102,24 +97,35 @@ def common_scale(found: OutputErrorFit) -> float:
     return off if abs(off) > Z_95 * math.sqrt(float(weights @ covariance @ weights)) else 0.0
 
 
-def _by_lengths(found: OutputErrorFit, off: float) -> FloatArray:
-    """Return the steps (p,) of the parameters if the lengths are off, not the scale of the camera.
+def by_lengths(found: OutputErrorFit, lengths: Sequence[str]) -> tuple[FloatArray, ...]:
+    """Return the step (p,) of the parameters if all ``lengths`` are off, not the camera's scale.
 
-    All lengths move by ``off``; of the others, only the data and what is stated of them decide.
+    All lengths move by what the camera shows; of the others, only the data and what is stated of
+    them decide. There is none if the camera shows the ways as they are.
     """
+    off = common_scale(found)
+    if abs(off) <= ROBOT.max_length_share:
+        return ()
     known = found.model.known.rows
     information = found.information + known.T @ known
     moved = np.zeros(len(information))
-    places = np.array([SHARED.index(name) for name in LENGTHS])
+    places = np.array([_names(found).index(name) for name in lengths])
     moved[places] = math.log1p(off)
     others = np.setdiff1d(np.flatnonzero(np.diag(information) > 0.0), places)
     slope = information[np.ix_(others, places)] @ moved[places]
     moved[others] = -scaled_pinv(information[np.ix_(others, others)]) @ slope
-    return moved
+    return (moved,)
 
 
-def _with_lengths(gate: Gate, off: float) -> Gate:
-    """Return the gate with the finding that lengths are ``off`` by a share; fits are corrected."""
+def _names(found: OutputErrorFit) -> list[str]:
+    return [item.parameter.name for item in found.model.system.shared]
+
+
+def with_lengths(gate: Gate, found: OutputErrorFit) -> Gate:
+    """Return the gate with the finding that all lengths may be off; fits are corrected."""
+    off = common_scale(found)
+    if abs(off) <= ROBOT.max_length_share:
+        return gate
     text = (
         f"the camera shows all ways {100 * off:+.1f} % off what the lengths of the rig file give: "
         "its unit of length, or all of these lengths. The intervals hold for both."
@@ -131,21 +137,44 @@ def _with_lengths(gate: Gate, off: float) -> Gate:
     return replace(gate, findings=(*gate.findings[:1], text, *gate.findings[1:]))
 
 
-def _loud_torque(system: RobotSystem, found: OutputErrorFit, labels: Sequence[str]) -> str:
+class HasTorques(Protocol):
+    """A system whose first outputs are torques, which count at some frames only."""
+
+    def torque_counts(self, trial: int) -> NDArray[np.bool_]:
+        """Return at which frames (n,) of one trial a torque counts."""
+
+
+def with_torques(
+    gate: Gate, found: OutputErrorFit, system: HasTorques, labels: Sequence[str],
+    motors: Sequence[str],
+) -> Gate:  # fmt: skip
+    """Return the gate, a misfit if the torque of one of the ``motors`` is off."""
+    loud = _loud_torque(found, system, labels, motors)
+    if not loud or gate.outcome is FitOutcome.MISFIT:
+        return gate
+    text = f"The model does not fit these data: {loud}"
+    findings = (loud, *gate.findings)
+    return replace(gate, outcome=FitOutcome.MISFIT, sentence=text, findings=findings)
+
+
+def _loud_torque(
+    found: OutputErrorFit, system: HasTorques, labels: Sequence[str], motors: Sequence[str]
+) -> str:
     """Return which torque is off; empty if none is. Most frames hold none, and hide a misfit."""
-    squares = []
+    squares, count = [], len(motors)
     for k, (noise, error) in enumerate(zip(found.model.noise, found.errors, strict=True)):
-        squares.append(noise.whiten_errors(error)[system.torque_counts(k), :2] ** 2)
+        squares.append(noise.whiten_errors(error)[system.torque_counts(k), :count] ** 2)
     if not any(len(part) for part in squares):
         return ""
     together = np.mean(np.concatenate(squares), axis=0)
-    by_trial = np.array([np.mean(part, axis=0) if len(part) else [0.0, 0.0] for part in squares])
-    for index, side in enumerate(("right", "left")):
+    none = [0.0] * count
+    by_trial = np.array([np.mean(part, axis=0) if len(part) else none for part in squares])
+    for index, motor in enumerate(motors):
         worst = int(np.argmax(by_trial[:, index]))
         if together[index] > THRESHOLDS.max_mean_square_output:
             return (
-                f"its {side} torque is off by {together[index] ** 0.5:.1f} times what the noise of "
-                f"the sensors leaves, by {by_trial[worst, index] ** 0.5:.1f} times in trial "
+                f"its {motor} torque is off by {together[index] ** 0.5:.1f} times what the noise "
+                f"of the sensors leaves, by {by_trial[worst, index] ** 0.5:.1f} times in trial "
                 f"{labels[worst]}."
             )
     return ""

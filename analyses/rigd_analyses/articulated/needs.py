@@ -6,6 +6,7 @@ from typing import Final
 
 from rigd.analysis import Needs
 
+MODULES: Final = ("front", "rear")
 #: Signals of the motors, and poses of the markers in the order of the system.
 MOTORS: Final = ("right_speed", "left_speed")
 TORQUES: Final = ("right_torque", "left_torque")

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from rigd.analysis.recordings.source import (
     stale_rows,
 )
 from rigd.analysis.result import FloatArray
-from rigd_analyses.articulated.needs import MOTORS, POSES, TORQUES
+from rigd_analyses.articulated.needs import MODULES, MOTORS, POSES, TORQUES
 
 STEP_S = 0.004  #: longest step of the simulation: 1e-8 m and 1e-8 of yaw rate off 1 ms on a circle
 #: Step in a frame in which a speed is not straight: the wheels give way as a contact grips again,
@@ -51,11 +52,12 @@ NS = 1e-9
 class RobotTrial:
     """A trial on n frames, ``period_s`` apart, and the steps of its simulation.
 
-    ``speeds`` (m, 2) are those of the motors in rad/s, right and left, at the times ``grid`` (m,)
-    in s after the first frame; frames are ``at`` (n,) of them. ``torques`` (n, 2) are means in
-    N m over TORQUE_FRAMES before a frame; ``poses`` (n, 6) as in POSES, headings unwrapped, and
-    ``seen`` (n, 6) which of them the camera has. ``speed_noise`` is the standard deviation in rad/s
-    of a mean of the speed between frames, ``torque_noise`` in N m that of a mean of the torque.
+    ``speeds`` (m, motors) in rad/s, of two modules right and left, are at the times ``grid`` (m,)
+    in s after the first frame; frames are ``at`` (n,) of them. ``torques`` (n, motors) are means in
+    N m over TORQUE_FRAMES before a frame; ``poses`` (n, 3 modules) as in POSES, headings unwrapped,
+    and ``seen`` which of them the camera has; ``modules`` are their names, from the first.
+    ``speed_noise`` is the standard deviation in rad/s of a mean of the speed between frames,
+    ``torque_noise`` in N m that of a mean of the torque.
     """
 
     label: str
@@ -70,6 +72,7 @@ class RobotTrial:
     seen: NDArray[np.bool_]
     speed_noise: float
     torque_noise: float
+    modules: tuple[str, ...] = MODULES
 
     def first(self, seconds: float) -> RobotTrial:
         """Return the begin of the trial."""
@@ -93,61 +96,81 @@ class RobotTrial:
 
     @cached_property
     def standing(self) -> FloatArray:
-        """Return the poses (6,) at the begin."""
+        """Return the poses (3 modules,) at the begin."""
         return np.asarray(np.median(self.poses[:REST_FRAMES], axis=0))
 
 
-def robot_trials(trials: Trials) -> list[RobotTrial]:
+@dataclass(frozen=True)
+class RobotSignals:
+    """The names of what is read of a robot, from its first module to the last."""
+
+    motors: tuple[str, ...] = MOTORS
+    torques: tuple[str, ...] = TORQUES
+    poses: tuple[str, ...] = POSES
+    modules: tuple[str, ...] = MODULES
+
+
+TWO_MODULES: Final = RobotSignals()
+
+
+def robot_trials(trials: Trials, signals: RobotSignals = TWO_MODULES) -> list[RobotTrial]:
     """Return ``trials`` as arrays.
 
     Raises:
         DataError: a signal is missing, a sample is not finite, or a trial is too short.
     """
     several = len({sweep.path for sweep, _ in trials}) > 1
-    return [_trial(sweep, info, f" of {sweep.path}" if several else "") for sweep, info in trials]
+    return [
+        _trial(sweep, info, signals, f" of {sweep.path}" if several else "")
+        for sweep, info in trials
+    ]
 
 
-def _trial(sweep: RecordedSweep, info: TrialInfo, file: str) -> RobotTrial:
+def _trial(sweep: RecordedSweep, info: TrialInfo, signals: RobotSignals, file: str) -> RobotTrial:
     where = f"{sweep.path}: trial {info.number}"
-    read = {name: _signal(sweep, info, name) for name in (*MOTORS, *TORQUES, *POSES)}
-    frames = np.unique(np.concatenate([read[name][0] for name in POSES]))
+    names = (*signals.motors, *signals.torques, *signals.poses)
+    read = {name: _signal(sweep, info, name, name in signals.poses) for name in names}
+    frames = np.unique(np.concatenate([read[name][0] for name in signals.poses]))
     if len(frames) < FEWEST:
         raise DataError(f"{where} has {len(frames)} frames of the camera, needs {FEWEST}")
     period = NS * period_ns(np.rint(frames / NS).astype(np.int64))
     count = 1 + round(float(frames[-1] - frames[0]) / period)
     times = frames[0] + period * np.arange(count)
-    poses, seen = np.zeros((count, 6)), np.zeros((count, 6), dtype=np.bool_)
-    for column, name in enumerate(POSES):
+    width = len(signals.poses)
+    poses, seen = np.zeros((count, width)), np.zeros((count, width), dtype=np.bool_)
+    for column, name in enumerate(signals.poses):
         t, values = read[name]
         at = np.rint((t - times[0]) / period).astype(int)
         seen[at, column] = True
         poses[at, column] = values
-    for module in (slice(0, 3), slice(3, 6)):
+    for first in range(0, width, 3):
+        module = slice(first, first + 3)
         clean(poses[:, module], seen[:, module], times)
-    front, rear = (np.median(poses[:REST_FRAMES, column]) for column in (2, 5))
-    poses[:, 5] += 2.0 * np.pi * np.rint((front - rear) / (2.0 * np.pi))  # unwrapped alone
+    for column in range(5, width, 3):
+        front, rear = (np.median(poses[:REST_FRAMES, at]) for at in (column - 3, column))
+        poses[:, column] += 2.0 * np.pi * np.rint((front - rear) / (2.0 * np.pi))  # unwrapped alone
     grid, at, speeds = steps(
-        [(read[name][0] - times[0], read[name][1]) for name in MOTORS], period, count
+        [(read[name][0] - times[0], read[name][1]) for name in signals.motors], period, count
     )
     torques = np.stack(
-        [_mean(*read[name], times - TORQUE_FRAMES * period, times) for name in TORQUES]
+        [_mean(*read[name], times - TORQUE_FRAMES * period, times) for name in signals.torques]
     )
     speed, torque = (
         max(_noise_of_mean(*read[name], period, over) for name in names)
-        for names, over in ((MOTORS, 1), (TORQUES, TORQUE_FRAMES))
+        for names, over in ((signals.motors, 1), (signals.torques, TORQUE_FRAMES))
     )
     words = [f"{sweep.parameter(info, name)}" for name in info.parameters]
     return RobotTrial(
         f"{sweep.info.procedure} {info.number} ({', '.join(words)}){file}", str(sweep.path),
         info.number, period, grid, at, speeds, np.ascontiguousarray(torques.T), poses, seen,
-        speed, torque,
+        speed, torque, signals.modules,
     )  # fmt: skip
 
 
 def steps(
     motors: Sequence[tuple[FloatArray, FloatArray]], period_s: float, count: int
 ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
-    """Return the steps (m,) in s of ``count`` frames, which of them these are, and speeds (m, 2).
+    """Return the steps (m,) in s of ``count`` frames, which of them these are, and the speeds.
 
     ``motors`` are times in s after the first frame, and values.
     """
@@ -193,8 +216,12 @@ def smoothed(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]
     return best, widths
 
 
-def _signal(sweep: RecordedSweep, info: TrialInfo, name: str) -> tuple[FloatArray, FloatArray]:
+def _signal(
+    sweep: RecordedSweep, info: TrialInfo, name: str, seen: bool
+) -> tuple[FloatArray, FloatArray]:
     """Return times in s and values of a signal as recorded, without rows that repeat another.
+
+    If it is ``seen`` by the camera, its first frames are left out.
 
     Raises:
         DataError: it is not there, has no sample, or one that is not finite.
@@ -212,7 +239,7 @@ def _signal(sweep: RecordedSweep, info: TrialInfo, name: str) -> tuple[FloatArra
             hint="`rigd report FILE` draws the recording",
         )
     t_s = (rows["t_ns"] - info.start_ns) * NS
-    kept = t_s >= (LATEST_S if name in POSES else 0.0)
+    kept = t_s >= (LATEST_S if seen else 0.0)
     return t_s[kept], values[kept]
 
 

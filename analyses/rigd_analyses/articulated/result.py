@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -30,6 +31,7 @@ from rigd.analysis.result import (
 )
 from rigd_analyses.articulated.checks import silences
 from rigd_analyses.articulated.family import RobotFamily
+from rigd_analyses.articulated.reading import RobotTrial
 from rigd_analyses.articulated.system import (
     CAMERA,
     CONTACTS,
@@ -97,7 +99,7 @@ def result(found: Identification[RobotFamily]) -> IdentificationResult:
         samples=samples,
         effective_samples=float(samples),
         inflation=1.0,
-        starts=(_start(fit),),
+        starts=(start_of(fit, SHARED),),
         curve=_curve(found, share),
         trials=tuple(_trial_fit(system, fit, k, runs[k]) for k in range(len(system.trials))),
         profiles=(),
@@ -115,7 +117,7 @@ def result(found: Identification[RobotFamily]) -> IdentificationResult:
             *(() if gate.outcome is FitOutcome.FITS else (gate.sentence, *gate.findings[1:])),
             *(() if gate.outcome is FitOutcome.MISFIT else changes(found.tests)),
             *silences(system.trials),
-            *_camera(fit),
+            *camera_scales(fit),
             *((BY_LAW,) if _is_given(found) else ()),
         ),
         gate=gate,
@@ -130,11 +132,11 @@ def all_runs(system: RobotSystem, fit: OutputErrorFit) -> list[Run]:
     return [system.run(k, theta[:shared], local[k]) for k in range(len(system.trials))]
 
 
-def _camera(fit: OutputErrorFit) -> list[str]:
+def camera_scales(fit: OutputErrorFit) -> list[str]:
     """Return a sentence on each axis of the camera whose scale is another."""
-    found = []
+    found, names = [], [item.parameter.name for item in fit.model.system.shared]
     for axis in ("x", "y"):
-        place = SHARED.index(f"scale_{axis}")
+        place = names.index(f"scale_{axis}")
         scale, sd = float(fit.fit.theta[place]), math.sqrt(float(fit.covariance[place, place]))
         if abs(scale) > ROBOT.min_camera_scale_sd * sd:
             found.append(
@@ -263,24 +265,32 @@ def _trial_fit(system: RobotSystem, fit: OutputErrorFit, index: int, run: Run) -
     )
 
 
-def _start(fit: OutputErrorFit) -> StartOutcome:
+def start_of(fit: OutputErrorFit, names: Sequence[str]) -> StartOutcome:
+    """Return where a fit of the shared parameters ``names`` began and ended."""
     unknowns = fit.model.system.shared
     return StartOutcome(
         {item.parameter.name: item.parameter.start for item in unknowns},
-        dict(zip(SHARED, fit.fit.theta.tolist(), strict=False)),
+        dict(zip(names, fit.fit.theta.tolist(), strict=False)),
         fit.fit.cost, fit.fit.iterations, fit.fit.converged,
     )  # fmt: skip
 
 
+def fitted_values(fit: OutputErrorFit, names: Sequence[str], unit_of: Callable[[str], str]) -> (
+    list[str]
+):  # fmt: skip
+    """Return a sentence on each shared parameter of ``names``: value and standard error."""
+    every = [item.parameter.name for item in fit.model.system.shared]
+    errors, found = np.sqrt(np.diag(fit.covariance)), []
+    for name in names:
+        value, sd = float(fit.fit.theta[every.index(name)]), float(errors[every.index(name)])
+        sd *= 1.0 if name in CAMERA else value
+        unit = "" if unit_of(name) == "1" else f" {unit_of(name)}"
+        found.append(f"{name}: {value:.6g} ± {sd:.2g}{unit} (standard error)")
+    return found
+
+
 def _account(found: Identification[RobotFamily], runs: Sequence[Run]) -> Preprocessing:
-    system, fit = found.family.system, found.whole
-    errors = np.sqrt(np.diag(fit.covariance))
-    fitted = []
-    for index in range(len(CONTACTS), len(SHARED)):
-        name, value = SHARED[index], float(fit.fit.theta[index])
-        sd = float(errors[index]) * (1.0 if name in CAMERA else value)
-        unit = "" if UNITS[name] == "1" else f" {UNITS[name]}"
-        fitted.append(f"{name}: {value:.6g} ± {sd:.2g}{unit} (standard error)")
+    system = found.family.system
     return Preprocessing(
         statements=(
             "The robot is simulated from the measured speeds of its motors. A contact slides from "
@@ -290,7 +300,7 @@ def _account(found: Identification[RobotFamily], runs: Sequence[Run]) -> Preproc
             "Scale and latency of the camera are fitted, and constants within their uncertainties. "
             "So is the inertia of the rotors in each trial, without its stated value: a torque "
             "that is sampled between the setpoints of a ramp misses a part that looks like it.",
-            *fitted,
+            *fitted_values(found.whole, SHARED[len(CONTACTS) :], UNITS.__getitem__),
             *_radii(system, runs),
         ),
         settings={"certain_grip": found.family.grip},
@@ -311,18 +321,37 @@ def _account(found: Identification[RobotFamily], runs: Sequence[Run]) -> Preproc
 
 def _radii(system: RobotSystem, runs: Sequence[Run]) -> list[str]:
     """Return the mean radii of each circle, measured, simulated and kinematic, and their worth."""
-    constants = {name: value for name, (value, _) in system.constants.items()}
+    half_track = system.constants["half_track"][0]
+    circles = [
+        Circle(item, run.pose[:, :3], item.speeds)
+        for item, run in zip(system.trials, runs, strict=True)
+    ]
+    return radii(circles, half_track, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Circle:
+    """A trial, the simulated poses (n, 3) of a module, and speeds of its right and left wheels."""
+
+    trial: RobotTrial
+    pose: FloatArray
+    speeds: FloatArray
+
+
+def radii(circles: Sequence[Circle], half_track_m: float, module: int) -> list[str]:
+    """Return the mean radii of a module in each trial that is a circle, and their worth."""
     found = []
-    for item, run in zip(system.trials, runs, strict=True):
-        late = (item.t_s > TRANSIENT_S) & item.seen[:, 0]
-        if np.ptp(run.pose[:, 2]) < TURN or np.count_nonzero(late) < POINTS:
+    for circle in circles:
+        item, pose, first = circle.trial, circle.pose, 3 * module
+        late = (item.t_s > TRANSIENT_S) & item.seen[:, first]
+        if np.ptp(pose[:, 2]) < TURN or np.count_nonzero(late) < POINTS:
             continue
-        radius, sd = mean_radius(item.poses[late, :2])
-        simulated, _ = mean_radius(run.pose[late, :2])
+        radius, sd = mean_radius(item.poses[late, first : first + 2])
+        simulated, _ = mean_radius(pose[late, :2])
         found.append(
-            f"{item.label}: mean radius of the front marker {radius:.4f} ± {Z_95 * sd:.4f} m as "
-            f"the camera shows it (95 %), {simulated:.4f} m simulated, "
-            f"{kinematic_radius(item.speeds[item.at[late]], constants['half_track']):.4f} m "
+            f"{item.label}: mean radius of the {item.modules[module]} marker {radius:.4f} ± "
+            f"{Z_95 * sd:.4f} m as the camera shows it (95 %), {simulated:.4f} m simulated, "
+            f"{kinematic_radius(circle.speeds[item.at[late]], half_track_m):.4f} m "
             "kinematic: if no wheel slips along."
         )
     if found:

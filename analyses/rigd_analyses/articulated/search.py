@@ -20,6 +20,7 @@ from rigd.analysis.output_error.system import SomeTrials, System
 from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.output_error.whitened_residuals import OutputErrorModel, noise_at
 from rigd.analysis.result import FloatArray
+from rigd_analyses.articulated.reading import RobotTrial
 from rigd_analyses.articulated.system import RATIO, SHARED, RobotSystem
 from rigd_analyses.articulated.thresholds import ROBOT
 
@@ -152,7 +153,7 @@ def tried(system: RobotSystem, sliding: Sequence[int]) -> OutputErrorFit:
     return conclude(*branch, SCORES)
 
 
-def fitted_from(system: RobotSystem, theta: FloatArray) -> OutputErrorFit:
+def fitted_from(system: System, theta: FloatArray) -> OutputErrorFit:
     """Return the fit from ``theta`` (p,). The noise is that of the sensors, the same everywhere."""
     return conclude(*_fitted(system, theta), SCORES)
 
@@ -174,20 +175,40 @@ def check_way(system: RobotSystem) -> None:
     Raises:
         DataError: in the median trial they do not.
     """
-    radius, ratios, least = system.constants["wheel_radius"][0], [], np.inf
-    for item in system.trials:
-        ways = np.sum(np.abs(item.speeds[item.at]), axis=0) * item.period_s
-        turned = radius / system.gear_ratio * float(np.mean(ways))
+    radius, n = system.constants["wheel_radius"][0], system.gear_ratio
+    refuse_wrong_way(way_share(system.trials, radius / n, (0, 1), 0), radius, n)
+
+
+def way_share(
+    trials: Sequence[RobotTrial], lever_m: float, motors: Sequence[int], marker: int
+) -> float:
+    """Return the way by the camera over that by the wheels, in the median trial.
+
+    ``lever_m`` is the way for each radian of a motor; ``motors`` are the columns of the speeds of
+    one module, ``marker`` the first one of its poses.
+    """
+    ratios = []
+    for item in trials:
+        ways = np.sum(np.abs(item.speeds[item.at][:, motors]), axis=0) * item.period_s
+        turned = lever_m * float(np.mean(ways))
         last = len(item.poses) - 1
         at = np.append(np.arange(0, last, max(1, round(CHORD_S / item.period_s))), last)
-        steps = np.hypot(*np.diff(item.poses[at, :2], axis=0).T)
+        steps = np.hypot(*np.diff(item.poses[at, marker : marker + 2], axis=0).T)
         if turned > 0.0:
             ratios.append(float(np.sum(steps)) / turned)
-        least = min(least, turned)
-    ratio = float(np.median(ratios)) if ratios else 1.0
+    return float(np.median(ratios)) if ratios else 1.0
+
+
+def refuse_wrong_way(ratio: float, radius: float, n: float) -> None:
+    """Refuse a way by the camera that is ``ratio`` times that of wheels with a ``radius`` in m.
+
+    ``n`` is the gear ratio.
+
+    Raises:
+        DataError: the way is another one.
+    """
     if abs(ratio - 1.0) <= ROBOT.max_way_share:
         return
-    n = system.gear_ratio
     if abs(ratio / n - 1.0) < ROBOT.max_way_share:
         guess = f"that is the gear ratio {n:g}: the speeds are those of the wheels, not the motors"
     else:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rigd.analysis import DataError, Options
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.output_error.estimator import OutputErrorFit
+from rigd.analysis.output_error.system import System
 from rigd.analysis.output_error.thresholds import THRESHOLDS
 from rigd.analysis.parameters import complete_groups
 from rigd.analysis.recordings.source import RecordedSweep
@@ -42,9 +43,9 @@ from rigd.analysis.validation.saved_models import SavedModel, chosen
 from rigd_analyses.articulated.checks import check_markers
 from rigd_analyses.articulated.evaluation import LABEL, certain_grip, robot_system
 from rigd_analyses.articulated.family import common_scale
-from rigd_analyses.articulated.reading import TORQUE_FRAMES
+from rigd_analyses.articulated.reading import TORQUE_FRAMES, RobotTrial
 from rigd_analyses.articulated.search import check_way, sliding_trials, tried
-from rigd_analyses.articulated.system import CONTACTS, RATIO, SHARED, UNITS, RobotSystem
+from rigd_analyses.articulated.system import RATIO, UNITS
 
 TITLE: Final = "Validation of the contacts of the articulated robot"
 PLACE, HEADING, TORQUE = "place", "heading", "torque"
@@ -120,16 +121,24 @@ def validate(
     conditions = [
         {name: sweep.parameter(info, name) for name in info.parameters} for sweep, info in trials
     ]
-    judged = _judged(saved.name, system, tried(system, sliding), contacts, conditions)
-    findings = list(judged.findings)
+    robot = Robot(system, COLUMNS, tuple(_priors(contacts)), UNITS.__getitem__)
+    found = judged(saved.name, robot, tried(system, sliding), conditions)
+    return validation("articulated", saved, sweeps, replace(found, left_out=left_out), contacts)
+
+
+def validation(
+    model: str, saved: SavedModel, sweeps: Sequence[RecordedSweep], found: GroupValidation,
+    contacts: Mapping[str, Known],
+) -> Validation:  # fmt: skip
+    """Return the verdict ``found`` with what is to be said of the file and of the recordings."""
+    findings = list(found.findings)
     if any(saved.made_from(sweep.path) for sweep in sweeps):
         findings.append("The model was identified from these recordings: it predicts nothing new.")
     if not all(item.stated for item in contacts.values()):
         findings.append("The file states no uncertainty of some contacts: they count as exact.")
-    judged = replace(judged, findings=tuple(findings), left_out=left_out)
     return Validation(
-        "articulated", TITLE, (judged,), (PLACE, HEADING, TORQUE), STATEMENTS,
-        method="motor speeds in, torques and poses out",
+        model, TITLE, (replace(found, findings=tuple(findings)),), (PLACE, HEADING, TORQUE),
+        STATEMENTS, method="motor speeds in, torques and poses out",
     )  # fmt: skip
 
 
@@ -139,6 +148,25 @@ def contacts_of(saved: SavedModel) -> dict[str, Known]:
     Raises:
         ConfigError: it did not fit its own recordings, a value is missing or impossible.
     """
+    names = ("k_lon", "k_lat", "k_roll", "mu_d", "mu_s")
+    found = known_of(saved, {name: UNITS[name] for name in names})
+    missing = [name for name in ("k_lon", "k_roll") if name not in found]
+    if missing:
+        raise saved.error(
+            f"the model has no value of {', '.join(missing)}", ("parameters",),
+            hint="identify straight runs at several speeds",
+        )  # fmt: skip
+    if "mu_s" in found and "mu_d" in found and found["mu_s"].value < found["mu_d"].value:
+        raise saved.error("mu_s must not be below mu_d", ("parameters", "mu_s", "estimate"))
+    return found
+
+
+def known_of(saved: SavedModel, units: Mapping[str, str]) -> dict[str, Known]:
+    """Return the contacts that ``saved`` has a number of, of those in ``units``.
+
+    Raises:
+        ConfigError: it did not fit its own recordings, or a value is impossible.
+    """
     if not saved.fits:
         raise saved.error(
             "this model did not fit the recordings that it was made from: there is nothing to try",
@@ -146,14 +174,14 @@ def contacts_of(saved: SavedModel) -> dict[str, Known]:
             hint="correct what its report names, and identify again",
         )
     found = {}
-    for name in ("k_lon", "k_lat", "k_roll", "mu_d", "mu_s"):
+    for name, wanted in units.items():
         keys = ("parameters", name)
         if saved.get(*keys, "estimate") is None:
             continue
         unit = saved.get(*keys, "unit")
-        if unit not in (None, UNITS[name]):
+        if unit not in (None, wanted):
             raise saved.error(
-                f"parameters.{name} is in {unit}, must be in {UNITS[name]}", (*keys, "unit"),
+                f"parameters.{name} is in {unit}, must be in {wanted}", (*keys, "unit"),
                 hint="write the value in that unit",
             )  # fmt: skip
         value = saved.number(*keys, "estimate")
@@ -167,14 +195,6 @@ def contacts_of(saved: SavedModel) -> dict[str, Known]:
                 raise saved.error(f"the interval of {name} does not hold it", (*keys, "low"))
             u = max(u, math.log(high / low) / (2.0 * Z_95))
         found[name] = Known(value, u, stated)
-    missing = [name for name in ("k_lon", "k_roll") if name not in found]
-    if missing:
-        raise saved.error(
-            f"the model has no value of {', '.join(missing)}", ("parameters",),
-            hint="identify straight runs at several speeds",
-        )  # fmt: skip
-    if "mu_s" in found and "mu_d" in found and found["mu_s"].value < found["mu_d"].value:
-        raise saved.error("mu_s must not be below mu_d", ("parameters", "mu_s", "estimate"))
     return found
 
 
@@ -187,30 +207,51 @@ def _priors(contacts: Mapping[str, Known]) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _judged(
-    model: str,
-    system: RobotSystem,
-    found: OutputErrorFit,
-    contacts: Mapping[str, Known],
-    conditions: Sequence[Mapping[str, str]],
+class RobotTrials(System, Protocol):
+    """The trials of a robot that are simulated with the contacts of a model."""
+
+    @property
+    def trials(self) -> tuple[RobotTrial, ...]:
+        """Return the trials."""
+
+    def torque_counts(self, trial: int) -> NDArray[np.bool_]:
+        """Return at which frames (n,) of one trial a torque counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot on which a model is tried.
+
+    ``columns`` are those of the outputs that each judged output has, with its unit; ``contacts``
+    the names of the shared parameters that the model gives; ``unit_of`` gives the unit of each.
+    """
+
+    system: RobotTrials
+    columns: Mapping[str, tuple[tuple[int, ...], str]]
+    contacts: tuple[str, ...]
+    unit_of: Callable[[str], str]
+
+
+def judged(
+    model: str, robot: Robot, found: OutputErrorFit, conditions: Sequence[Mapping[str, str]]
 ) -> GroupValidation:
     """Return the verdict on a model by the fit of the trials; ``conditions`` are those of each."""
-    trials = [_Trial(found, system, k) for k in range(len(system.trials))]
-    moved = _moved(found, system)
-    sizes = {name: item for name, item in moved.items() if name in CONTACTS}
+    trials = [_Trial(found, robot, k) for k in range(len(robot.system.trials))]
+    moved = _moved(found, robot.system)
+    sizes = {name: item for name, item in moved.items() if name in robot.contacts}
     biases = tuple(
-        _bias(system, name, item)
+        _bias(robot.unit_of(name), name, item)
         for name, item in moved.items()
-        if name not in CONTACTS and abs(item.deviate) > SURE
+        if name not in robot.contacts and abs(item.deviate) > SURE
     )
     wrong = [_off(name, item) for name, item in sizes.items() if abs(item.deviate) > SURE]
-    loud = [text for output in COLUMNS if (text := _loud(trials, output))]
+    loud = [text for output in robot.columns if (text := _loud(trials, output))]
     told = {name: item.seen_from for name, item in sizes.items() if item.seen_from < USEFUL_LIMIT}
     findings = [*loud[1:], *wrong[1:]]
     if told:
         shown = ", ".join(f"{_called(name)} from {100 * at:.2g} % on" for name, at in told.items())
         findings.append(f"Seen would be another {shown}.")
-    open_ = [_called(name) for name in _priors(contacts) if name not in told]
+    open_ = [_called(name) for name in robot.contacts if name not in told]
     if open_:
         findings.append(f"Not tested: {', '.join(open_)}.")
     off = common_scale(found)
@@ -237,7 +278,7 @@ def _judged(
         sentence = " ".join(item.sentence for item in biases)
     else:
         outcome = ModelOutcome.CONFIRMED
-        levels = [f"{output} {_level(trials, output) ** 0.5:.2f}" for output in COLUMNS]
+        levels = [f"{output} {_level(trials, output) ** 0.5:.2f}" for output in robot.columns]
         sentence = (
             f"With all constants as stated, {len(trials)} trials are within the noise "
             f"(times the noise: {', '.join(levels)}), and no contact is moved."
@@ -268,7 +309,7 @@ class _Moved:
         return SURE * math.hypot(self.stated_u, self.sd)
 
 
-def _moved(found: OutputErrorFit, system: RobotSystem) -> dict[str, _Moved]:
+def _moved(found: OutputErrorFit, system: System) -> dict[str, _Moved]:
     """Return by how much the data move each contact and constant that is known, by its name."""
     moved = {}
     for k, item in enumerate(system.shared):
@@ -304,9 +345,8 @@ def _off(name: str, item: _Moved) -> str:
     )
 
 
-def _bias(system: RobotSystem, name: str, item: _Moved) -> Bias:
+def _bias(unit: str, name: str, item: _Moved) -> Bias:
     """Return the value of a parameter that would explain the motion, beside the stated one."""
-    unit = UNITS[name]
     u = item.value * item.sd
     shown = number(item.value, places_for(u))
     text = (
@@ -321,8 +361,13 @@ class _Trial:
     """One trial of a fit: its errors, and how they compare with the noise."""
 
     found: OutputErrorFit
-    system: RobotSystem
+    robot: Robot
     index: int
+
+    @property
+    def system(self) -> RobotTrials:
+        """The trials."""
+        return self.robot.system
 
     def counts(self, output: str) -> NDArray[np.bool_]:
         """Return at which frames (n,) an output counts."""
@@ -334,12 +379,12 @@ class _Trial:
     def squares(self, output: str) -> FloatArray:
         """Return the squares of the whitened errors of an output where it counts."""
         white = self.found.model.noise[self.index].whiten_errors(self.found.errors[self.index])
-        columns, _ = COLUMNS[output]
+        columns, _ = self.robot.columns[output]
         return np.asarray(white[self.counts(output)][:, columns] ** 2)
 
     def validated(self, conditions: Mapping[str, str]) -> ValidatedTrial:
         """Return the trial for a report."""
-        item, shared = self.system.trials[self.index], len(SHARED)
+        item, shared = self.system.trials[self.index], len(self.system.shared)
         theta = self.found.fit.theta
         local = theta[self.found.model.columns(self.index)[shared:]]
         stated = theta[:shared].copy()
@@ -350,10 +395,10 @@ class _Trial:
         fitted: FloatArray = measured + self.found.errors[self.index]
         before = self.system.simulate(self.index, stated, local)
         deviations, traces = [], []
-        for output, (columns, unit) in COLUMNS.items():
+        for output, (columns, unit) in self.robot.columns.items():
             at = self.counts(output)
 
-            left = _rms(fitted - measured, at, output)
+            left = _rms((fitted - measured)[:, columns], at, output)
             level = float(np.mean(self.squares(output))) if at.any() else 0.0
             limit = (
                 left * math.sqrt(THRESHOLDS.max_mean_square_trial / level) if level > 0.0 else None
@@ -362,9 +407,9 @@ class _Trial:
                 Deviation(
                     output,
                     unit,
-                    _rms(before - measured, at, output),
+                    _rms((before - measured)[:, columns], at, output),
                     left,
-                    _rms(measured, at, output),
+                    _rms(measured[:, columns], at, output),
                     limit,
                 )
             )
@@ -376,10 +421,9 @@ class _Trial:
 
 
 def _rms(off: FloatArray, at: NDArray[np.bool_], output: str) -> float:
-    """Return the root mean square of an output; x and y of a place are one distance."""
-    columns, _ = COLUMNS[output]
+    """Return the root mean square of columns; x and y of a place are one distance."""
     several = 2.0 if output == PLACE else 1.0
-    return math.sqrt(several * float(np.mean(off[at][:, columns] ** 2))) if np.any(at) else 0.0
+    return math.sqrt(several * float(np.mean(off[at] ** 2))) if np.any(at) else 0.0
 
 
 def _trace(
