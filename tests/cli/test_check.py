@@ -32,7 +32,10 @@ DEVICES = {
     },
     "angle-1": {"daq", "relay", "scale"},
     "articulated-1": {"front_marker", "left_motor", "rear_marker", "right_motor"},
-    "articulated-3": {"first_left", "first_right", "last_left", "last_right"},
+    "articulated-3": {
+        *("first_left", "first_right", "last_left", "last_right"),
+        *("marker_first", "marker_last", "marker_middle"),
+    },
     "tribometer-1": {"contact", "spindle"},
 }  # fmt: skip
 

@@ -26,13 +26,15 @@ from rigd_analyses.articulated.evaluation import (
     positive_constant,
     unused,
 )
-from rigd_analyses.articulated.reading import robot_trials
+from rigd_analyses.articulated.reading import RobotTrial, robot_trials
 from rigd_analyses.articulated.search import refuse_wrong_way, way_share
 from rigd_analyses.articulated.thresholds import ROBOT
 
 ROUNDS: Final = 2  #: of choosing trials without sliding and fitting them roughly
 ITERATIONS: Final = 30  #: of such a fit
 FIRST_S: Final = 8.0  #: of each trial that such a fit takes
+FOLDED_RAD: Final = np.radians(80.0)  #: of a hinge: circles bend it by 60 degrees at most
+BENT_MOST: Final = 0.98  #: quantile of a trial's frames: single ones show another marker
 SLIDES: Final = "a contact may slide: it carries {share:.2f} times its load, {grip:g} is certain"
 
 
@@ -46,10 +48,10 @@ def evaluate(
             motors, constants differ between recordings, or the data cannot answer.
     """
     trials = [trial for group in complete_groups(sweeps, options, notify) for trial in group.trials]
-    system, grip = chain_system(trials), certain_grip(trials)
-    check_chain(system)
-    system, point, rejected = gripping(system, grip, notify)
-    found = result(identify(chain_family(system, point, rejected)), grip)
+    grip = certain_grip(trials)
+    system, folded = checked(chain_system(trials))
+    system, point, sliding = gripping(system, grip, notify)
+    found = result(identify(chain_family(system, point, (*folded, *sliding))), grip)
     found = replace(found, warnings=(*found.warnings, *unused(trials)))
     fitted = Fitted(Group(LABEL, trials), found)
     return ParameterEvaluation.of(sweeps, [fitted], options)
@@ -80,20 +82,44 @@ def chain_system(
     return ChainSystem(arrays, layout, constants, np.array(gears), contacts or {})
 
 
-def check_chain(system: ChainSystem) -> None:
-    """Check markers, and that the robot goes as far as its wheels turn.
+def checked(system: ChainSystem) -> tuple[ChainSystem, tuple[TrialRejection, ...]]:
+    """Return the trials in which the robot does not fold, and those in which it does.
 
     Raises:
-        DataError: a marker is not seen, is another's, or the ways differ.
+        DataError: a marker is not seen, or is another's; the robot folds in each trial; or it goes
+            another way than its wheels turn.
     """
-    motor = system.layout.motors[0]
     pulls = all(item.module == 0 for item in system.layout.motors)
     check_markers(system.trials, pulls=pulls)
+    folded = {k: why for k, item in enumerate(system.trials) if (why := _folded(item))}
+    rejected = tuple(TrialRejection(system.trials[k].label, why) for k, why in folded.items())
+    if len(folded) == len(system.trials):
+        raise DataError(
+            f"the robot folds in each trial: {rejected[0].label}: {rejected[0].reason}",
+            hint="a driven module pushes those ahead of it: let it turn slower than these, and "
+            "drive wider circles",
+        )
+    system = system.of([k for k in range(len(system.trials)) if k not in folded])
+    motor = system.layout.motors[0]
     key = system.layout.key(motor.module, "wheel_radius")
     radius, ratio = system.constants[key][0], float(system.gears[0])
     first = [k for k, item in enumerate(system.layout.motors) if item.module == motor.module]
     share = way_share(system.trials, radius / ratio, first, 3 * motor.module)
     refuse_wrong_way(share, radius, ratio)
+    return system, rejected
+
+
+def _folded(item: RobotTrial) -> str:
+    """Return at which hinge the robot folds in a trial, and how far; empty if at none."""
+    for k, name in enumerate(item.modules[:-1]):
+        bent = np.abs(item.poses[:, 3 * k + 2] - item.poses[:, 3 * k + 5])
+        most = float(np.quantile(bent, BENT_MOST))
+        if most > FOLDED_RAD:
+            return (
+                f"the hinge behind the {name} module is bent by {np.degrees(most):.0f} degrees, "
+                "as far as to a stop, which the model does not have"
+            )
+    return ""
 
 
 def gripping(

@@ -15,7 +15,7 @@ from rigd.analysis.recordings.source import RecordedSweep
 from rigd.analysis.result import TrialRejection
 from rigd.analysis.validation.result import Validation
 from rigd.analysis.validation.saved_models import SavedModel, chosen
-from rigd_analyses.articulated.chain.evaluation import SLIDES, chain_system, check_chain
+from rigd_analyses.articulated.chain.evaluation import SLIDES, chain_system, checked
 from rigd_analyses.articulated.chain.layout import Layout, layout_of
 from rigd_analyses.articulated.chain.needs import KINDS
 from rigd_analyses.articulated.chain.system import (
@@ -60,12 +60,12 @@ def validate(
     trials = [t for found in complete_groups(sweeps, Options(), notify) for t in found.trials]
     contacts = contacts_of(saved, layout_of(trials))
     known = {name: (item.value, item.u) for name, item in contacts.items()}
-    system, grip = chain_system(trials, known), certain_grip(trials)
-    check_chain(system)
+    grip = certain_grip(trials)
+    system, folded = checked(chain_system(trials, known))
     point = np.array([item.parameter.start for item in system.shared])
-    shares = [system.share(k, point) for k in range(len(trials))]
+    shares = [system.share(k, point) for k in range(len(system.trials))]
     kept = [k for k, share in enumerate(shares) if share <= grip]
-    left_out = tuple(
+    left_out = folded + tuple(
         TrialRejection(item.label, SLIDES.format(share=share, grip=grip))
         for item, share in zip(system.trials, shares, strict=True)
         if share > grip
@@ -78,9 +78,10 @@ def validate(
         )
     system = system.of(kept)
     notify(f"{len(kept)} trials by the model {saved.name}")
+    played = {(str(sweep.path), info.number): (sweep, info) for sweep, info in trials}
     conditions = [
         {name: sweep.parameter(info, name) for name in info.parameters}
-        for sweep, info in (trials[k] for k in kept)
+        for sweep, info in (played[item.recording, item.number] for item in system.trials)
     ]
     local = np.array([item.parameter.start for item in system.local])
     fit = fitted_from(system, np.concatenate([point, np.tile(local, len(kept))]))

@@ -106,6 +106,15 @@ def test_recordings_that_all_slide_are_refused(robot: Chain, tmp_path: Path) -> 
         identified(recorded(robot, [Trial(480.0, 480.0, 1.5, 1.0, 0.01)]), tmp_path)
 
 
+def test_robot_that_folds_is_refused(tmp_path: Path) -> None:
+    """A module in the middle pushes the first one, which swings to its stop."""
+    pushed = drawn(0, ("none", "all", "none"))
+    with pytest.raises(DataError, match="the robot folds in each trial") as caught:
+        identified(recorded(pushed, [GENTLE[3]]), tmp_path)
+    assert "hinge behind the first module is bent" in caught.value.message
+    assert "pushes" in f"{caught.value.hint}"
+
+
 def moved(
     module: int, along: float, across: float, turned: float = 0.0
 ) -> Callable[[Array], Array]:
