@@ -100,7 +100,8 @@ SHOWN: dict[str, Shows] = {
     "rigd run --resume runs/interrupted.mcap": Shows("2 of 2 trials"),
     "rigd check procedures/*.yaml --rig lugre-1": Shows(
         "6 right, 11 for another rig (no contact, daq, first_left, first_right, front_marker, "
-        "last_left, last_right, left_motor, rear_marker, relay, right_motor, scale, spindle)"
+        "last_left, last_right, left_motor, marker_first, "
+        "marker_last, marker_middle, rear_marker, relay, right_motor, scale, spindle)"
     ),
     "rigd check configs/sim_lugre.yaml": Shows("rig lugre-1, 7 devices"),
     "rigd check my_procedure.yaml": Shows("on lugre-1: right"),
