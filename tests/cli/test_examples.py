@@ -131,6 +131,7 @@ SHOWN: dict[str, Shows] = {
     "rigd info runs/*.mcap": Shows("lugre-1"),
     "rigd info FILE --json": Shows('"rig": "lugre-1"', {"FILE": QUICK}),
     "rigd info FILE --attachments folder/": Shows("folder/rig.yaml", {"FILE": QUICK}),
+    "rigd import old/*.csv --propose": Shows("push.yaml: to fill in: lines"),
     "rigd import old/*.csv --map map.yaml": Shows("runs/push.mcap: 1 trial"),
     "rigd import old/*.csv --map map.yaml --out imported/": Shows("imported/push.mcap: 1 trial"),
     "rigd import old/*.csv --map map.yaml --out W7/ --specimen W7 --meta batch=13": Shows(

@@ -412,6 +412,11 @@ BY_LOAD = "trials: {columns: load, table: {file: trials.csv, key: load}}\nignore
 LOAD = "parameters: {load: {column: load, unit: kg}}\n"
 
 TEXTS = {
+    "blank of a proposal": Case(
+        "the comment behind it says what is not known; write the value in its place",
+        [Walk("write the value", [('unit: "?"', "unit: N")])],
+        [("unit: N", 'unit: "?"')],
+    ),
     "empty cell": Case(
         "if empty cells mean that there is no value, add `missing: ['']` below `text:`; if columns "
         "have different rates, make a source of each with `sparse: true`",

@@ -13,6 +13,7 @@ from rigd.config.binding import bind
 from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.problems import Problems, suggest
 from rigd.config.shipped_files import find_file
+from rigd.importing.map.blanks import note_blanks
 from rigd.importing.map.map import (
     HAS_DATE,
     RAW,
@@ -71,6 +72,8 @@ def parse_map(text: str, path: Path) -> ImportMap:
 
 def _read(document: Document) -> ImportMap:
     problems = Problems()
+    note_blanks(document, problems)
+    problems.raise_any()
     source = bind(document, ImportSource, problems)
     problems.raise_any()
     if source is None:

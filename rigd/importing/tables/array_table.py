@@ -67,6 +67,11 @@ class ArrayTable:
         return [column[0] for column in self._columns]
 
     @property
+    def lengths(self) -> Sequence[int]:
+        """How many rows each column has."""
+        return [column[2] for column in self._columns]
+
+    @property
     def start_ns(self) -> int | None:
         """When a time of 0 was, in ns since 1970, if the file states it."""
         return self._start_ns

@@ -40,12 +40,7 @@ def open_table(
     Raises:
         ConfigError: the format is not known, or the file is empty, damaged or of another format.
     """
-    kind = format or _ENDINGS.get(path.suffix.lower())
-    if kind is None:
-        raise ConfigError(
-            f"{path}: which format a name in {path.suffix!r} has is not known",
-            hint="give `format:` in the source of the map",
-        )
+    kind = format or format_of(path)
     try:
         if path.stat().st_size == 0:
             raise ConfigError("the file is empty", place=Place(str(path), 1, 1))
@@ -74,6 +69,47 @@ def open_table(
     from rigd.importing.tables.csv_table import CsvTable
 
     return CsvTable(path, text)
+
+
+def format_of(path: Path) -> Format:
+    """Return the format by the ending of a file's name.
+
+    Raises:
+        ConfigError: it is not known.
+    """
+    kind = _ENDINGS.get(path.suffix.lower())
+    if kind is None:
+        raise ConfigError(
+            f"{path}: which format a name in {path.suffix!r} has is not known",
+            hint="give `format:` in the source of the map",
+        )
+    return kind
+
+
+def groups_in(path: Path) -> list[str | None]:
+    """Return what selects the tables of a file, None for the one that needs no `group:`.
+
+    Raises:
+        ConfigError: the format is not known, or the file is damaged or of another format.
+    """
+    kind = format_of(path)
+    if kind == "tdms":
+        require("import", f"the import of {path.name}")
+        from rigd.importing.tables.tdms_table import tdms_groups
+
+        hear("nptdms")
+        return [*tdms_groups(path)]
+    if kind == "mdf":
+        require("import", f"the import of {path.name}")
+        from rigd.importing.tables.mdf_table import mdf_groups
+
+        hear("asammdf")
+        return [*mdf_groups(path)]
+    if kind == "mat":
+        from rigd.importing.tables.mat_table import mat_groups
+
+        return mat_groups(path)
+    return [None]
 
 
 def _opener(kind: Format) -> Callable[[Path, str | None], SourceTable]:

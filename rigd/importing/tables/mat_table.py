@@ -39,22 +39,12 @@ def open_mat(path: Path, group: str | None) -> ArrayTable:
     Raises:
         ConfigError: the file is cut off, damaged or no MATLAB file, or has no such structure.
     """
-    with path.open("rb") as file:
-        by_hdf5 = file.read(len(_HDF5)) == _HDF5
-    if by_hdf5:
+    if _is_hdf5(path):
         require("import", "a MATLAB file of version 7.3")
         from rigd.importing.tables.hdf5_table import open_hdf5
 
         return open_hdf5(path, group, by_matlab=True)
-    with path.open("rb") as file:
-        require_held(path, _unpacked(file))
-    try:
-        content: dict[str, Any] = scipy.io.loadmat(path, simplify_cells=True)
-    except (OSError, ValueError, TypeError, NotImplementedError, KeyError, IndexError) as error:
-        raise unreadable(path, "MATLAB file", error) from error
-    except Exception as error:  # scipy has errors of its own, and those of zlib
-        raise unreadable(path, "MATLAB file", error) from error
-    own = {name: item for name, item in content.items() if not name.startswith("__")}
+    own = _load(path)
     structures = dict(_structures(own))
     found = own
     if group is not None:
@@ -62,8 +52,7 @@ def open_mat(path: Path, group: str | None) -> ArrayTable:
             _refuse_object(path, {group: own.get(group)})
             raise ConfigError(f"{path} has no structure {group!r}", hint=suggest(group, structures))
         found = structures[group]
-    elif not any(isinstance(item, np.ndarray) and item.dtype.kind in "iufb"
-                 for item in own.values()):  # fmt: skip
+    elif not _has_numbers(own):
         _refuse_object(path, own)
         if structures:
             raise ConfigError(
@@ -72,6 +61,45 @@ def open_mat(path: Path, group: str | None) -> ArrayTable:
             )
     units = found.get("units")
     return ArrayTable(path, partial(_opened, path, found, units if isinstance(units, dict) else {}))
+
+
+def mat_groups(path: Path) -> list[str | None]:
+    """Return the structures of a file that have arrays of numbers, None for those beside them.
+
+    Raises:
+        ConfigError: the file is cut off, damaged or no MATLAB file.
+    """
+    if _is_hdf5(path):
+        return [None]
+    own = _load(path)
+    found: list[str | None] = [name for name, item in _structures(own) if _has_numbers(item)]
+    return [None, *found] if _has_numbers(own) or not found else found
+
+
+def _is_hdf5(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(_HDF5)) == _HDF5
+
+
+def _load(path: Path) -> dict[str, Any]:
+    """Return the variables of a file up to version 7.
+
+    Raises:
+        ConfigError: it is cut off, damaged, too large or no MATLAB file.
+    """
+    with path.open("rb") as file:
+        require_held(path, _unpacked(file))
+    try:
+        content: dict[str, Any] = scipy.io.loadmat(path, simplify_cells=True)
+    except (OSError, ValueError, TypeError, NotImplementedError, KeyError, IndexError) as error:
+        raise unreadable(path, "MATLAB file", error) from error
+    except Exception as error:  # scipy has errors of its own, and those of zlib
+        raise unreadable(path, "MATLAB file", error) from error
+    return {name: item for name, item in content.items() if not name.startswith("__")}
+
+
+def _has_numbers(own: dict[str, Any]) -> bool:
+    return any(isinstance(x, np.ndarray) and x.dtype.kind in "iufb" for x in own.values())
 
 
 def _unpacked(file: BinaryIO) -> Iterator[int]:

@@ -57,6 +57,16 @@ def open_mdf(path: Path, group: str | None) -> ArrayTable:
     return ArrayTable(path, partial(_opened, path, group), start_ns if start_ns > 0 else None)
 
 
+def mdf_groups(path: Path) -> list[str]:
+    """Return the numbers of the channel groups of a file that have samples.
+
+    Raises:
+        ConfigError: the file is cut off, damaged or no MDF.
+    """
+    with _file(path) as file:
+        return [str(at) for at, item in enumerate(file.groups) if int(item.channel_group.cycles_nr)]
+
+
 @contextmanager
 def _file(path: Path) -> Iterator[Any]:
     with path.open("rb") as stream:

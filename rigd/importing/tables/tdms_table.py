@@ -33,6 +33,16 @@ def open_tdms(path: Path, group: str | None) -> ArrayTable:
     return _TdmsTable(path, group, next((item for item in starts if item is not None), None))
 
 
+def tdms_groups(path: Path) -> list[str]:
+    """Return the groups of a file that have samples.
+
+    Raises:
+        ConfigError: the file is cut off, damaged or no TDMS.
+    """
+    with _file(path) as file:
+        return [item.name for item in file.groups() if any(map(len, item.channels()))]
+
+
 class _TdmsTable(ArrayTable):
     """A group; :data:`TIME` has the times of the waveforms that are read with it."""
 
