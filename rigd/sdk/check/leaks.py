@@ -12,11 +12,22 @@ import socket
 import sys
 import threading
 import time
-import tracemalloc
 import warnings
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Container, Iterator, Sequence
+from functools import cache, partial
 from pathlib import Path
+from types import (
+    CellType,
+    CoroutineType,
+    FunctionType,
+    GeneratorType,
+    MappingProxyType,
+    MethodType,
+)
 from typing import Any, Final, NamedTuple
+
+import numpy as np
 
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.sequences import StepFailed
@@ -35,6 +46,9 @@ class OpenedItem(NamedTuple):
 ENDS_S: Final = 10.0
 #: Bytes that more turns may keep, in all: counters become larger.
 KEPT_BYTES: Final = 2880
+#: What refers to the objects that it is made of, and to no others.
+_HOLDERS: Final = (dict, list, tuple, set, frozenset, deque, memoryview, MappingProxyType, CellType,
+                   MethodType, GeneratorType, CoroutineType, partial, type(cache(len)))  # fmt: skip
 _LOOK_S: Final = 0.01
 _FOLDER: Final = Path("/proc/self/fd")
 #: Files that are opened by reading them in once, such as maps of a device, are no connections.
@@ -79,32 +93,67 @@ def nothing_left(when: str = "after close()") -> Iterator[None]:
 def kept_for_good(
     driver: object, peer: Peer, turns: int, turn: Callable[[], object]
 ) -> Iterator[str]:
-    """Yield that code of a driver keeps memory for good while ``turn`` is made again and again.
+    """Yield that a driver keeps memory for good while ``turn`` is made again and again.
 
-    The code is its file, and files beside it that it uses; not that of a plant, as tracemalloc
-    counts as kept what compiled functions give back.
+    What counts is what the driver refers to, and what its file and files beside it refer to. No
+    hook counts allocations: tracemalloc, in Python before 3.12.9, can crash the process if threads
+    of the peer or of a library allocate while it stops (CPython issue 128679).
     """
-    used = list(vars(sys.modules[type(driver).__module__]).values())
-    own = Path(inspect.getfile(type(driver)))
-    names = {getattr(inspect.getmodule(item), "__file__", None) or "" for item in used}
-    names -= {inspect.getfile(c) for c in used if isinstance(c, type) and issubclass(c, Plant)}
-    beside = (name for name in names if Path(name).parent == own.parent)
-    files = [tracemalloc.Filter(True, name) for name in {str(own), *beside}]
+    used = vars(sys.modules[type(driver).__module__]).values()
+    own = inspect.getmodule(type(driver))
+    folder = Path(inspect.getfile(type(driver))).parent
+    found = {inspect.getmodule(item) for item in used}
+    found -= {inspect.getmodule(c) for c in used if isinstance(c, type) and issubclass(c, Plant)}
+    beside = {
+        module.__name__: module
+        for module in found | {own}
+        if module and Path(getattr(module, "__file__", None) or "").parent == folder
+    }
     sizes: list[int] = []
-    tracemalloc.start()
-    try:
-        for _ in range(2):
-            for _ in range(turns):
-                turn()
-            if isinstance(peer.readings, list):
-                del peer.readings[:-1]  # they lie in memory that the driver has given back
-            gc.collect()
-            taken = tracemalloc.take_snapshot().filter_traces(files)
-            sizes.append(sum(trace.size for trace in taken.traces))
-    finally:
-        tracemalloc.stop()
+    for _ in range(2):
+        for _ in range(turns):
+            turn()
+        if isinstance(peer.readings, list):
+            del peer.readings[:-1]  # they lie in memory that the driver has given back
+        gc.collect()
+        sizes.append(_bytes_of([driver, *(vars(module) for module in beside.values())], beside))
     if (kept := sizes[1] - sizes[0]) > KEPT_BYTES:
         yield f"each turn keeps {kept / turns:.0f} bytes for good"
+
+
+def _bytes_of(roots: Sequence[object], modules: Container[str]) -> int:
+    """Return how many bytes ``roots`` and what they refer to take.
+
+    An object of a class of other modules counts by itself alone, as it may have its own life (a
+    link, a loop, a log of a test); but a frozen dataclass is a value, and counts whole.
+    """
+    seen: set[int] = set()
+    size = 0
+    left = [*roots]
+    while left:
+        item = left.pop()
+        if id(item) in seen:
+            continue
+        seen.add(id(item))
+        size += sys.getsizeof(item, 0)
+        if isinstance(item, np.ndarray):
+            left.append(item.base)
+        elif isinstance(item, FunctionType):  # not its globals
+            if item.__module__ in modules:
+                left += [item.__closure__, item.__defaults__, vars(item)]
+        elif _counts_whole(item, modules):
+            left += gc.get_referents(item)
+    return size
+
+
+def _counts_whole(item: object, modules: Container[str]) -> bool:
+    if isinstance(item, _HOLDERS):
+        return True
+    cls = item if isinstance(item, type) else type(item)
+    value = cls is not item and getattr(cls, "__dataclass_params__", None)
+    return not issubclass(cls, Plant) and (
+        cls.__module__ in modules or bool(value and value.frozen)
+    )
 
 
 def let_go() -> None:
