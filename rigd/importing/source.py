@@ -18,7 +18,7 @@ PatternText = Annotated[str, StringConstraints(min_length=1, max_length=300)]
 #: A day and time as 2016-03-04T10:00:00Z; without a zone it is UTC.
 MomentText = Annotated[str, StringConstraints(min_length=8, max_length=40)]
 LineNumber = Annotated[int, Ge(0), Le(100_000)]
-Format = Literal["csv", "parquet", "hdf5", "mat", "tdms", "mdf", "numpy"]
+Format = Literal["csv", "parquet", "hdf5", "mat", "tdms", "mdf", "numpy", "jsonl"]
 
 
 class TextTableSource(Source):

@@ -200,7 +200,8 @@ def test_endings_of_the_table_are_known() -> None:
     rows = rows_below("| format | endings | units | times |")
     documented = {row[0].partition(",")[0]: set(re.findall(r"`(\.\w+)`", row[1])) for row in rows}
     names = {"csv": "text with columns", "parquet": "Parquet", "hdf5": "HDF5", "mat": "MATLAB",
-             "tdms": "TDMS", "mdf": "MDF4", "numpy": "numpy"}  # fmt: skip
+             "tdms": "TDMS", "mdf": "MDF4", "numpy": "numpy",
+             "jsonl": "JSON lines: an object in each line"}  # fmt: skip
     known = {
         names[format]: {end for end, other in _ENDINGS.items() if other == format}
         for format in set(_ENDINGS.values())

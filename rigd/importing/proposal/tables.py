@@ -95,7 +95,8 @@ def _clusters(table: SourceTable, columns: Sequence[SeenColumn]) -> Iterator[lis
     for column in columns:
         if column is time:
             continue
-        key: object = (column.name.rpartition("/")[0], column.rows)
+        parent = column.name.rpartition("/")[0] if column.rows else ""
+        key: object = (parent, column.rows)
         if time is not None:
             batch = next(table.batches({column.index: "text", time.index: "number"}))
             times = batch.numbers[time.index][:SAMPLE_ROWS]

@@ -29,6 +29,8 @@ _ENDINGS: Final[dict[str, Format]] = {
     ".mdf": "mdf",
     ".npz": "numpy",
     ".npy": "numpy",
+    ".jsonl": "jsonl",
+    ".ndjson": "jsonl",
 }
 
 
@@ -46,7 +48,7 @@ def open_table(
             raise ConfigError("the file is empty", place=Place(str(path), 1, 1))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from error
-    if group is not None and kind in ("csv", "parquet", "numpy"):
+    if group is not None and kind in ("csv", "parquet", "numpy", "jsonl"):
         raise ConfigError(f"{path}: a {kind} file has no group {group!r}", hint="remove `group:`")
     # Imported here: a file of one format needs no library of the others.
     if kind == "parquet":
@@ -61,6 +63,10 @@ def open_table(
         from rigd.importing.tables.numpy_table import open_numpy
 
         return open_numpy(path)
+    if kind == "jsonl":
+        from rigd.importing.tables.json_table import JsonTable
+
+        return JsonTable(path)
     if kind != "csv":
         require("import", f"the import of {path.name}")
         opener = _opener(kind)
