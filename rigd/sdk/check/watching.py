@@ -6,11 +6,13 @@ The peer shows it (:class:`~rigd.sdk.check.Observed`); nothing here goes over th
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 import time
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Sequence
+from io import FileIO
 from pathlib import Path
 from typing import Final, Self
 
@@ -48,9 +50,9 @@ class HeldTime:
         """Return it, in s, and note it with the time."""
         with self._lock:
             now_s, threads = time.monotonic(), {}
-            for task in self._folder.glob("*/schedstat"):
-                with contextlib.suppress(OSError):  # it has ended
-                    threads[task.parent.name] = int(task.read_text("ascii").split()[1])
+            for task in self._tasks():  # as text: a Path for each takes twice as long in all
+                with contextlib.suppress(OSError), FileIO(f"{task.path}/schedstat") as file:
+                    threads[task.name] = int(file.read().split()[1])  # else it has ended
             threads.pop(self.without, None)
             if self._looks:
                 self._s += 1e-9 * sum(
@@ -59,6 +61,9 @@ class HeldTime:
             self._threads = threads
             self._looks.append((now_s, self._s))
             return self._s
+
+    def _tasks(self) -> list[os.DirEntry[str]]:
+        return list(os.scandir(self._folder)) if self._folder.exists() else []
 
     def since(self, time_s: float) -> float:
         """Return how much of it was since a time of CLOCK_MONOTONIC, or some more, in s."""
