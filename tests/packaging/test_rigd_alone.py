@@ -80,6 +80,7 @@ PLAY = f"""
 import os, sys
 sys.modules.update(dict.fromkeys({BESIDE}))
 from rigd.cli.main import main
+import rigd.config.loader, rigd.engine.run.run, rigd.procedure.loader  # once, not in each
 for number, line in enumerate(sys.stdin):
     if (child := os.fork()) == 0:
         screen = os.open(f"{{number}}.txt", os.O_CREAT | os.O_WRONLY)

@@ -44,7 +44,15 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     },
     "end to end; its parts, or a smaller one, are tried by `make test`": {
         "cli/test_other_systems.py": ("test_campaign_without_linux_works",),
-        "contract/test_recordings.py": ("test_whole_run_is_as_before",),
+        "contract/test_recordings.py": (
+            "test_first_trials_are_as_before[calibrate_friction on angle-cell-1]",
+            "test_first_trials_are_as_before[calibrate_rise on angle-cell-1]",
+            "test_first_trials_are_as_before[calibrate_scale on angle-cell-1]",
+            "test_first_trials_are_as_before[calibrate_torque on angle-cell-1]",
+            "test_first_trials_are_as_before[circles on articulated-1]",
+            "test_first_trials_are_as_before[validation_masses on lugre-1]",
+            "test_whole_run_is_as_before",
+        ),
         "contract/test_results.py": (),
         "docs/test_site.py": ("test_search_from_the_disk_finds_a_key",),
         "docs/test_notebook.py": ("test_cells_give_what_the_page_shows",),
@@ -427,11 +435,19 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "panel/test_stumbles.py": (
             "test_ages_are_not_cut",
+            "test_certificate_of_daemon_is_shown_with_date",
+            "test_changing_value_makes_no_new_nodes",
+            "test_events_make_no_rows_until_looked_at",
             "test_every_page_fits_a_phone",
             "test_every_text_has_contrast",
+            "test_legend_after_trip_is_marked_old",
+            "test_long_names_stay_within_the_page",
+            "test_low_procedure_of_list_shows_its_form",
+            "test_no_command_of_terminal_is_advised",
             "test_place_of_answer_says_so_and_closes",
             "test_press_after_scroll_of_page_counts_later",
             "test_rig_can_be_called_by_its_name_alone",
+            "test_unreadable_recording_offers_nothing_but_itself",
             "test_wrong_seed_is_shown_in_closed_part",
         ),
     },
@@ -447,6 +463,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_lasting_fault_ends_with_its_cause[unplug",
         ),
         "drivers/cards/test_card_conformance.py": (
+            "test_it_conforms[accelerometer]",
             "test_it_conforms[lateral_belt]",
             "test_it_conforms[wheel_encoder]",
             "test_it_conforms[wheel_servo]",
@@ -593,7 +610,11 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     },
     "another case of what `make test` shows with one": {
         "daemon/test_resumed_simulation.py": ("test_resumed_run_equals_uninterrupted_one[angle]",),
+        "drivers/instruments/scale/test_conformance.py": (
+            "test_it_keeps_what_a_slow_driver_promises[and-d]",
+        ),
         "drivers/can/test_conformance.py": (
+            "test_can_drivers_work_as_drivers_do[Cia406Encoder",
             "test_can_drivers_work_as_drivers_do[RotaryServo",
             "test_can_drivers_work_as_drivers_do[SpeedServo",
         ),
