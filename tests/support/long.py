@@ -55,7 +55,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "contract/test_results.py": (),
         "docs/test_site.py": ("test_search_from_the_disk_finds_a_key",),
-        "docs/test_notebook.py": ("test_cells_give_what_the_page_shows",),
+        "docs/test_notebook.py": (),
         "analyses/articulated/test_analysis.py": (
             "test_analysis_finds_what_the_plant_has",
             "test_analysis_keeps_every_rule",
@@ -97,9 +97,8 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         ),
         "cli/test_measure.py": ("test_page_of_run_shows_measures",),
         "cli/test_new_rig.py": (
-            "test_accepted_range_is_around_friction_asked_for[0.8]",
+            "test_accepted_range_is_around_friction_asked_for",
             "test_clean_environment_plays_new_job_green",
-            "test_accepted_range_is_around_friction_asked_for[0.05]",
         ),
         "cli/test_doctor.py": (
             "test_doctor_output_fits_80_columns",
@@ -114,11 +113,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_example_command_gives_the_described_result[rigd identify runs/",
             "test_example_command_gives_the_described_result[rigd report FILE --output page.html]",
             "test_example_command_gives_the_described_result[rigd run procedures/constant_cur",
-            "test_example_command_gives_the_described_result[rigd validate MODEL.json FILE]",
-            "test_example_command_gives_the_described_result[rigd validate model.json FILE --",
-            "test_example_command_gives_the_described_result[rigd validate model.json FILE --",
-            "test_example_command_gives_the_described_result[rigd validate model.json runs/*v",
-            "test_example_command_gives_the_described_result[rigd validate model.json validat",
+            "test_example_command_gives_the_described_result[rigd validate ",
         ),
         "cli/test_location.py": ("test_the_doctor_names_the_file_of_the_rig",),
         "daemon/serve/test_aside.py": (
@@ -299,8 +294,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
         "analyses/lugre/test_identify.py": (
             "test_accuracy_on_the_papers_procedure[1-paperboard",
             "test_accuracy_on_the_papers_procedure[1-stone",
-            "test_constants_unknown_to_the_paper_are_flagged[1-paperboard",
-            "test_constants_unknown_to_the_paper_are_flagged[1-stone",
+            "test_constants_unknown_to_the_paper_are_flagged",
             "test_forgotten_rolling_resistance_moves_sigma_0_as_documented",
             "test_friction_is_unknown_if_V_s_is_open[1-paperboard",
             "test_friction_is_unknown_if_V_s_is_open[1-stone",
@@ -564,10 +558,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_quick_procedure_completes_on_the_card",
         ),
         "system/test_kills.py": (
-            "test_kill_while_controller_acts_leaves_safe_rig[all]",
-            "test_kill_while_controller_acts_leaves_safe_rig[cycle]",
-            "test_kill_while_controller_acts_leaves_safe_rig[cycle held]",
-            "test_kill_while_controller_acts_leaves_safe_rig[daemon held]",
+            "test_kill_while_controller_acts_leaves_safe_rig",
             "test_kill_leaves_safe_rig_and_every_sample[all-SIGHUP-None]",
             "test_kill_leaves_safe_rig_and_every_sample[all-SIGSTOP-None]",
             "test_kill_leaves_safe_rig_and_every_sample[cycle-SIGSTOP-None]",
@@ -610,6 +601,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
     },
     "another case of what `make test` shows with one": {
         "daemon/test_resumed_simulation.py": ("test_resumed_run_equals_uninterrupted_one[angle]",),
+        "drivers/modbus/test_conformance.py": ("test_the_transmitter_keeps_its_promises",),
         "drivers/instruments/scale/test_conformance.py": (
             "test_it_keeps_what_a_slow_driver_promises[and-d]",
         ),
