@@ -241,6 +241,10 @@ ASKED = {
              "'OVER' is no number"),
     "cut off": (rows_of([i / 10 for i in range(40)])[:-1], "open_end", "cut off"),
     "gap": (rows_of([i / 10 + (i > 20) * 60 for i in range(40)]), "gaps", "jumps by 60.1 s"),
+    "two tables": (rows_of(range(9), "t [s],x [N]") + "\n" + rows_of(range(40)), "header",
+                   "9 lines above are rows of numbers, too"),
+    "ragged": ("0.0,1\n0.1,1\n" + rows_of(range(40)).partition("\n")[2].replace(",", ",1,"),
+               "first", "2 lines above are rows of numbers, too"),
     "unknown unit": (rows_of([i / 10 for i in range(40)], "t [s],F [Pfund/x]"), "unit",
                      "'Pfund/x', which rigd does not know"),
 }  # fmt: skip
@@ -251,9 +255,8 @@ def test_what_the_file_does_not_show_is_asked(tmp_path: Path, case: str) -> None
     text, key, reason = ASKED[case]
     proposal = propose([text_file(tmp_path, text)])
     lines = proposal.text.splitlines()
-    assert len(proposal.blanks) == 1, proposal.text
-    line = lines[proposal.blanks[0] - 1]
-    assert f'{key}: "?"' in line
+    (line,) = (line for line in lines if f'{key}: "?"' in line and "  # to fill in: " in line)
+    assert len(proposal.blanks) == (1 if case != "ragged" else 4), proposal.text
     assert reason in line
     with pytest.raises(ConfigError, match=f"`{key}:` is still to be filled in"):
         parse_map(proposal.text, Path("p.yaml"))
@@ -317,6 +320,18 @@ def test_odd_names_of_columns_keep_the_map_whole(tmp_path: Path) -> None:
     rows = recording.read("samples")
     for i, channel in enumerate(recording.streams["samples"].channels, 1):
         assert rows[channel.name].tolist() == (TIMES_S + i).tolist()
+
+
+def test_long_name_goes_by_its_number(tmp_path: Path) -> None:
+    path = text_file(tmp_path, rows_of([i / 10 for i in range(40)], f"t [s],{'x' * 300} [N]"))
+    (recording,) = imported(propose([path]), [path])
+    (channel,) = recording.streams["samples"].channels
+    assert recording.read("samples")[channel.name].tolist() == [i * 0.5 for i in range(40)]
+
+
+def test_constant_column_is_no_time(tmp_path: Path) -> None:
+    path = text_file(tmp_path, "time [s],F [N]\n" + "7,1\n7,3\n7,2\n" * 9)
+    assert 'rate: "?"' in propose([path]).text
 
 
 def test_command_writes_a_map_that_imports(tmp_path: Path) -> None:

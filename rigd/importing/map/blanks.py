@@ -12,7 +12,7 @@ BLANK: Final = "?"
 #: The keys whose value may be missing; a name, a title or a text may be a question mark.
 ASKED: Final = (
     "unit", "rate", "since", "format", "restarts", "wraps", "coarse", "longest_gap", "zone",
-    "open_end", "last", "missing", "decimal", "encoding", "header", "gaps", "warnings",
+    "open_end", "last", "missing", "decimal", "encoding", "header", "first", "gaps", "warnings",
 )  # fmt: skip
 
 

@@ -26,6 +26,8 @@ from rigd.model.units import Unit
 
 #: Rows that are looked at.
 SAMPLE_ROWS: Final = 20_000
+#: A longer name of a column is not written into a map, its number is.
+LONGEST_NAME: Final = 200
 #: A unit at the end of a name, as in `time_ms`.
 _ENDING: Final = re.compile(r"[_ ](ns|us|ms|s|min|h)$")
 _WORDS: Final = {"millis": "ms", "micros": "us"}
@@ -65,9 +67,10 @@ class SeenColumn:
     def written(self, names: Sequence[str]) -> str:
         """Return what selects it in a map: its name, or its number if others have the name."""
         bare = [split_unit(name)[0] for name in names]
-        if names.count(self.name) == 1 and len(self.name) <= 200:
-            return self.name
-        return self.bare if bare.count(self.bare) == 1 else str(self.index + 1)
+        for text, others in ((self.name, names), (split_unit(self.name)[0], bare)):
+            if others.count(text) == 1 and 0 < len(text) <= LONGEST_NAME:
+                return text
+        return str(self.index + 1)
 
 
 def name_of(text: str, taken: Mapping[str, object]) -> str:
@@ -88,7 +91,7 @@ def of_text(table: SourceTable, dialect: Dialect) -> list[SeenColumn]:
     rows = dialect.rows[:SAMPLE_ROWS]
     found = []
     for index, name in enumerate(table.names):
-        texts = [row[index] for row in rows]
+        texts = [row[index] if index < len(row) else "" for row in rows]
         numbers = [number(text) for text in texts]
         missing = {text for text in texts if text in MISSING}
         there = sum(text not in missing for text in texts)

@@ -28,12 +28,14 @@ class Dialect:
     """How a text file is written.
 
     ``options`` are those of `text:` in a map, ``notes`` say why. ``rows`` are cells of the first
-    lines of data, numbers with a decimal point.
+    lines of data, numbers with a decimal point. ``asked`` is the option that is to be filled in,
+    and why.
     """
 
     options: dict[str, object]
     notes: Sequence[str]
     rows: Sequence[Sequence[str]]
+    asked: tuple[str, str] = ("", "")
 
 
 def sniff(path: Path) -> Dialect:
@@ -67,7 +69,12 @@ def sniff(path: Path) -> Dialect:
         options["first"] = table.first
     if not table.header:
         notes.append(f"line {table.first} has no names of columns: they go by their numbers")
-    return Dialect(options, notes, table.rows)
+    asked = ("", "")
+    if table.above:
+        key = "header" if table.header else "first"
+        options.setdefault(key, table.first)
+        asked = (key, f"{table.above} lines above are rows of numbers, too: of another table?")
+    return Dialect(options, notes, table.rows, asked)
 
 
 def number(text: str) -> float | None:
@@ -85,6 +92,7 @@ class _Table:
     first: int
     rows: Sequence[Sequence[str]]
     score: float
+    above: int  #: lines above its names that are rows of numbers, too
 
 
 def _lines(path: Path) -> tuple[str, list[str]]:
@@ -134,7 +142,9 @@ def _table(lines: Sequence[str], separator: str) -> _Table | None:
     share = sum(numeric[begin:end]) / ((end - begin) * count)
     header, units = _names(cells, numeric, begin, count)
     score = sum(numeric[begin:end]) * share
-    return _Table(separator, decimal, header, units, begin + 1, rows, score)
+    top = (header or begin + 1) - 1
+    above = sum(numeric[at] == len(cells[at]) for at in range(top) if len(cells[at]) > 1)
+    return _Table(separator, decimal, header, units, begin + 1, rows, score, above)
 
 
 def _longest(cells: Sequence[Sequence[str]], numeric: Sequence[int]) -> tuple[int, int]:

@@ -67,7 +67,11 @@ def tables_in(path: Path) -> list[ProposedSource]:
         table = open_table(path, None, TextTableSource.model_validate(dialect.options))
         columns = of_text(table, dialect)
         only = _source(path, None, table, columns)
-        only.text = [MapLine(key, quoted(str(value))) for key, value in dialect.options.items()]
+        asked, why = dialect.asked
+        only.text = [
+            MapLine(key, quoted(str(value)), why if key == asked else "", asks=key == asked)
+            for key, value in dialect.options.items()
+        ]
         only.notes = [*dialect.notes, *only.notes]
         found = [only]
     else:

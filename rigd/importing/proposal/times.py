@@ -97,11 +97,11 @@ def _likelihood(column: SeenColumn) -> int:
     if column.unit is not None and not of_time:
         return 0
     steps = np.diff(column.values)
-    if not len(steps) or np.any(np.isnan(steps)):
+    if not np.any(steps > 0) or np.any(np.isnan(steps)):
         return 0
     if named and np.mean(steps >= 0) > 0.9:
         return 5 if of_time else 4
-    if of_time and np.all(steps >= 0) and np.any(steps > 0):
+    if of_time and np.all(steps >= 0):
         return 3
     even = np.all(steps > 0) and np.median(steps) * 2 > np.max(steps)
     return 1 if even and not named and column.index == 0 else 0
