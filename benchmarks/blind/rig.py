@@ -153,6 +153,7 @@ class Rig:
     substeps: int = 4
     floor: str = "floor"
     model: str = "lugre"
+    name: str = ""  # empty: by the seed
 
     def friction(self) -> dict[str, float]:
         """Return the true parameters by their names in rigd.
@@ -502,7 +503,12 @@ def write(rig: Rig, path: Path) -> None:
         if "lateral" in channels:
             signals["lateral_speed"] = "card.lateral"
         about = about_rig(
-            rig.model, f"blind-{rig.seed}", len(rig.trials), signals, rig.stated, unit_of
+            rig.model,
+            rig.name or f"blind-{rig.seed}",
+            len(rig.trials),
+            signals,
+            rig.stated,
+            unit_of,
         )
         about["parameters"] = {"floor": rig.floor}
         about["identify"]["group_by"] = json.dumps(["floor"])

@@ -13,12 +13,24 @@ class Share:
     ``stated`` and ``u`` are those of the constant, in its own unit and coordinate: where two
     estimates have the same, both rest on one constant, and its error is common to them.
     ``effect`` is in the unit of the estimate; of its logarithm if the estimate is ``log``.
+    ``left`` is of an assumption of the model that no file states, such as an exponent: the part of
+    its ``u`` that the data leave open, which is all that the interval holds. None: of the rig.
     """
 
     constant: str
     stated: float
     u: float
     effect: float
+    left: float | None = None
+
+    @property
+    def held(self) -> float:
+        """The standard deviation in the interval, with the sign of ``effect``."""
+        return self.effect if self.left is None else self.effect * self.left
+
+    def shape(self) -> dict[str, object]:
+        """Return the fields of the JSON object; constants of the rig have no ``left``."""
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 @dataclass(frozen=True)

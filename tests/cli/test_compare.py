@@ -105,6 +105,43 @@ def test_constant_that_both_state_cancels(say: Say, tmp_path: Path) -> None:
     assert found["differences"]["after"]["cancelled"] > 0.9
 
 
+def assuming(value: float, effect: float, left: float) -> Estimate:
+    """Return a V_s whose interval rests on an exponent that the data leave open by ``left``."""
+    share = Share("exponent of a law", 0.0, 0.05, effect, left)
+    reach = math.exp(1.959964 * math.hypot(0.01, share.held))
+    return replace(
+        estimate("V_s", value, 0.01), low=value / reach, high=value * reach, shares=(share,)
+    )
+
+
+@pytest.mark.parametrize("left", [0.4, 0.8])
+def test_assumption_cancels_and_is_told(say: Say, tmp_path: Path, left: float) -> None:
+    """What each campaign knows of it differs by chance: the error itself is one."""
+    first = result(tmp_path / "before.json", assuming(0.0044, 0.1, 0.6))
+    second = result(tmp_path / "after.json", assuming(0.0048, 0.1, left))
+    out = " ".join(say(first, second)[1].split())
+    assert "V_s (pvc) differs by +9.1 %, 6.1 … 12.2 %" in out
+    assert "if the exponent of a law is the same in all: if not, it need not differ." in out
+    assert "The exponent of a law, which no file states (u = 0.05), counts as the same" in out
+    found = rows(say(first, second, "--json")[1])["V_s"]
+    assert (found["verdict"], found["rests_on"]) == ("differs", "exponent of a law")
+
+
+def test_difference_beyond_assumption_rests_on_nothing(say: Say, tmp_path: Path) -> None:
+    first = result(tmp_path / "before.json", assuming(0.0044, 0.1, 0.6))
+    second = result(tmp_path / "after.json", assuming(0.0088, 0.1, 0.6))
+    assert "differs by +100.0 %" in (out := say(first, second)[1])
+    assert "need not differ" not in out
+
+
+def test_opposite_effects_of_assumption_add_up(say: Say, tmp_path: Path) -> None:
+    first = result(tmp_path / "before.json", assuming(0.0044, 0.1, 0.6))
+    second = result(tmp_path / "after.json", assuming(0.0048, -0.1, 0.6))
+    found = rows(say(first, second, "--json")[1])["V_s"]
+    assert found["verdict"] == "none found"
+    assert found["differences"]["after"]["high"] > math.expm1(2.0 * 0.12)
+
+
 def test_constant_stated_otherwise_does_not_cancel(say: Say, tmp_path: Path) -> None:
     first = result(tmp_path / "before.json", estimate("sigma_0", 50.0, 0.004, share=0.03))
     other = estimate("sigma_0", 52.5, 0.004, share=0.03)

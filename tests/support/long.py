@@ -618,6 +618,7 @@ LONG: Final[dict[str, dict[str, tuple[str, ...]]]] = {
             "test_named_cause_explains_best_once_fitted",
             "test_spoilt_encoder_is_rightly_named",
             "test_exponent_not_shown_is_in_the_intervals",
+            "test_exponent_of_both_campaigns_cancels",
         ),
         "analyses/lugre/test_coverage_study.py": (),
         "analyses/lugre/test_wrong_worlds.py": (),

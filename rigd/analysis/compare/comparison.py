@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import chain, combinations, product
@@ -26,6 +26,7 @@ from rigd.analysis.estimates import Estimate, Share
 from rigd.analysis.fitting.identifiability import Z_95
 from rigd.analysis.measures import varied
 from rigd.analysis.measures.ranges import changed_formula
+from rigd.analysis.report.opening import listed
 from rigd.model.errors import DataError
 
 #: All parameters together: so often a difference is named where there is none.
@@ -46,7 +47,9 @@ class Compared:
     ``base``, the first campaign with a number (and several runs, if two have them), by name of
     campaign: of the logarithm if ``log``. ``test`` is that of all that may be judged being equal,
     ``p_holm`` its p value for all parameters together. Without a test, ``why`` states what is
-    missing: numbers, or runs that show how runs differ.
+    missing: numbers, or runs that show how runs differ. ``p_apart`` is the p value for all
+    parameters together if each campaign may have its own of what the model assumes; ``assumed`` is
+    that which counts most.
     """
 
     group: str
@@ -60,11 +63,18 @@ class Compared:
     p_holm: float = 1.0
     slope: Slope | None = None  #: for each year
     why: str = ""
+    p_apart: float = 1.0
+    assumed: str = ""
 
     @property
     def differs(self) -> bool:
         """Whether the campaigns differ in it, by the test for all parameters together."""
         return self.test is not None and self.p_holm < LEVEL
+
+    @property
+    def rests_on(self) -> str:
+        """What must be the same in all campaigns for them to differ in it; empty if nothing."""
+        return self.assumed if self.differs and self.p_apart >= LEVEL else ""
 
     @property
     def verdict(self) -> str:
@@ -132,10 +142,13 @@ def compare(campaigns: Sequence[Campaign]) -> CampaignComparison:
         raise _nothing_in_common(campaigns)
     tested = [item for item in found if item.test is not None]
     adjusted = iter(holm([item.test.p_value for item in tested if item.test is not None]))
+    apart = iter(holm([item.p_apart for item in tested]))
     rows = [
-        replace(item, p_holm=next(adjusted)) if item.test is not None else item for item in found
+        replace(item, p_holm=next(adjusted), p_apart=next(apart)) if item.test else item
+        for item in found
     ]
-    return CampaignComparison(tuple(campaigns), tuple(rows), _unshared(campaigns))
+    constants = (*_shared(campaigns), *_unshared(campaigns))
+    return CampaignComparison(tuple(campaigns), tuple(rows), constants)
 
 
 def _check(campaigns: Sequence[Campaign]) -> None:
@@ -283,7 +296,8 @@ def _compared(
     if len(known) < 2:
         return _with_reason(row)
     rigs = campaigns[0].rigs
-    levels = {key: level_of(item, rigs, log=log) for key, item in known.items()}
+    left = _left(known.values())
+    levels = {key: level_of(item, rigs, left, log=log) for key, item in known.items()}
     if not all(math.isfinite(item.own) or math.isfinite(min(item.below, item.above))
                for item in levels.values()):  # fmt: skip
         return _with_reason(row)
@@ -296,12 +310,16 @@ def _compared(
         at = np.array([_middle(dates[key]) for key in judged]) / YEAR_S
         slope = trend(list(judged.values()), at)
     missing = [key for key in estimates if key not in known]
+    assumed = [share for key in judged for share in known[key].shares if share.left is not None]
+    apart = [level_of(_of_the_rig(known[key]), rigs, left, log=log) for key in judged]
     return replace(
         row,
         base=base,
         differences={key: difference(levels[base], levels[key]) for key in levels if key != base},
         test=homogeneity(list(judged.values())) if len(judged) > 1 else None,
         slope=slope,
+        p_apart=homogeneity(apart).p_value,
+        assumed=max(assumed, key=lambda item: abs(item.held)).constant if assumed else "",
         why="; ".join(filter(None, (_reason(row, missing), _of_one_run(one_run, judged)))),
     )
 
@@ -317,20 +335,22 @@ def _of_one_run(names: Sequence[str], judged: Collection[str]) -> str:
     )
 
 
-def level_of(item: Estimate, rigs: Hashable, *, log: bool) -> Level:
+def level_of(item: Estimate, rigs: Hashable, left: Mapping[Hashable, float], *, log: bool) -> Level:
     """Return an estimate with a value as a level, of its logarithm if ``log``.
 
-    Constants are the same if rig, name, stated value and uncertainty are.
+    Constants are the same if rig, name, stated value and uncertainty are. ``left`` is what all
+    campaigns leave open of assumptions.
     """
     value = item.value or 0.0
     scale = value if item.log and not log else 1.0
     shares: dict[Hashable, float] = {
-        (rigs, *_key(share)): share.effect * scale for share in item.shares
+        (rigs, *_key(share)): share.effect * left.get(_key(share), 1.0) * scale
+        for share in item.shares
     }
     if item.u is not None:
         return Level(value, item.u, item.u, shares, item.freedom)
     centre = math.log(value) if log else value
-    common = math.hypot(*shares.values())
+    common = math.hypot(*(share.held * scale for share in item.shares))
 
     def own(end: float | None) -> float:
         if end is None:
@@ -340,6 +360,23 @@ def level_of(item: Estimate, rigs: Hashable, *, log: bool) -> Level:
         return math.sqrt(whole - common) * math.sqrt(whole + common)
 
     return Level(centre, own(item.low), own(item.high), shares)
+
+
+def _left(estimates: Iterable[Estimate]) -> dict[Hashable, float]:
+    """Return the part of u that is left open of each assumption, which has one size in all.
+
+    It is that of the campaign that knows it least: chance makes the others smaller.
+    """
+    found: dict[Hashable, float] = {}
+    for share in chain.from_iterable(item.shares for item in estimates):
+        if share.left is not None:
+            found[_key(share)] = max(share.left, found.get(_key(share), 0.0))
+    return found
+
+
+def _of_the_rig(item: Estimate) -> Estimate:
+    """Return ``item`` without the shares of assumptions, which are then part of its own error."""
+    return replace(item, shares=tuple(share for share in item.shares if share.left is None))
 
 
 def _key(share: Share) -> tuple[str, float, float]:
@@ -368,6 +405,41 @@ def _reason(row: Compared, missing: Sequence[str]) -> str:
         else:
             told.append(f"{key}: {item.verdict}")
     return "; ".join(told)
+
+
+def _shared(campaigns: Sequence[Campaign]) -> tuple[str, ...]:
+    """Return sentences on what is taken as the same in all campaigns, so that it cancels.
+
+    Named are the constants that add most to a parameter.
+    """
+    by_campaign = [
+        {_key(share): share for item in campaign.estimates for share in item.shares}
+        for campaign in campaigns
+    ]
+    common = {
+        key: share
+        for key, share in by_campaign[0].items()
+        if all(key in other for other in by_campaign)
+    }
+    assumed = [share for share in common.values() if share.left is not None]
+    rig = {key for key, share in common.items() if share.left is None}
+    most = [
+        max(shares, key=lambda share: abs(share.effect)).constant
+        for item in campaigns[0].estimates
+        if (shares := [share for share in item.shares if _key(share) in rig])
+    ]
+    told = []
+    if most:
+        told.append(
+            f"What all groups take alike, above all {listed(list(dict.fromkeys(most)))}, counts as "
+            "the same in all: what it adds to the intervals cancels as far as it is equal."
+        )
+    told += [
+        f"The {share.constant}, which no file states (u = {share.u:g}), counts as the same in all "
+        "too. Where a difference may be one of it instead, the sentence on the difference says so."
+        for share in assumed
+    ]
+    return tuple(told)
 
 
 def _unshared(campaigns: Sequence[Campaign]) -> tuple[str, ...]:

@@ -54,7 +54,7 @@ class ComparisonEvaluation(Evaluation):
         tested = [item for item in self.comparison.compared if item.test is not None]
         found = [f"{named(item)} differs{_by(item)}" for item in self.comparison.different]
         same = [named(item) for item in tested if not item.differs]
-        sentences = [f"{text} ({_p(item)})." for text, item in
+        sentences = [f"{text} ({_p(item)}){_if_same(item)}." for text, item in
                      zip(found, self.comparison.different, strict=True)]  # fmt: skip
         if same:
             sentences.append(f"No difference found: {listed(same)}.")
@@ -154,6 +154,12 @@ def _by(item: Compared) -> str:
     return f" by {change}{unit}, {ends}{unit}"
 
 
+def _if_same(item: Compared) -> str:
+    if not item.rests_on:
+        return ""
+    return f", if the {item.rests_on} is the same in all: if not, it need not differ"
+
+
 def _p(item: Compared) -> str:
     return probability(item.p_holm)
 
@@ -200,6 +206,7 @@ def _object(item: Compared) -> dict[str, object]:
         "p_holm": None if item.test is None else item.p_holm,
         "per_year": None if item.slope is None else told(item.slope),
         "verdict": item.verdict,
+        "rests_on": item.rests_on,
         "why": item.why,
     }  # fmt: skip
 

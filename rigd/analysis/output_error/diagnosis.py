@@ -76,6 +76,20 @@ class Tested:
 
 
 @dataclass(frozen=True, eq=False)
+class Assumption:
+    """What no file states and the data leave open; ``u`` is the standard uncertainty of its size.
+
+    With a size of 1 u the scaled parameters move by ``step`` (p,). ``left`` is the root mean square
+    size that the data and u leave open, over u.
+    """
+
+    name: str
+    u: float
+    step: FloatArray
+    left: float
+
+
+@dataclass(frozen=True, eq=False)
 class _End:
     """The fit with ``last``, the best variant of ``first``; ``gone`` had no size in it."""
 
@@ -94,7 +108,7 @@ class Diagnosis:
     squares of the whitened outputs, which noise leaves at 1, ``worst`` (m,) those of each output's
     worst trial and ``trials`` (m,) which one that is. ``doubts`` (s,) are the steps of the shared
     parameters, scaled, from what was added to each other thing that explains as much, and to a law
-    of friction that the data do not show.
+    of friction that the data do not show. ``assumptions`` are what no file states.
     """
 
     fit: OutputErrorFit
@@ -107,6 +121,7 @@ class Diagnosis:
     jump: Jump
     shape: Shape
     doubts: tuple[FloatArray, ...] = ()
+    assumptions: tuple[Assumption, ...] = ()
 
     @property
     def coloured(self) -> bool:
@@ -178,9 +193,11 @@ def diagnose(
         for name, near in as_good.items()
     }
     unseen = _unseen(new, left)
+    assumptions = tuple(_assumptions(new, left))
+    open_steps = [item.step * item.left for item in assumptions]
     moved = _Moved(
         before,
-        [*(item.score.shift for item in left), *unseen],
+        [*(item.score.shift for item in left), *unseen, *open_steps],
         list(without_each_trial(found)) if chosen else [],
     )
     explained = tuple(
@@ -205,33 +222,35 @@ def diagnose(
         state.jump,
         state.shape,
         tuple(doubts),
+        assumptions,
     )
 
 
 def _unseen(tests: Sequence[Tested], left: Sequence[Tested]) -> list[FloatArray]:
-    """Return the steps (p,) with the laws of ``tests`` that are not significant.
+    """Return the step (p,) with the law of ``tests`` that explains most without being significant.
 
-    What the data just cannot show is in no interval else. Of a law whose size has an uncertainty
-    of its own the step is as far as data and that leave its size open; of the others it is that of
-    the one that explains most, less by the share that chance would gain.
+    What the data just cannot show is in no interval else. It is less by the share that chance would
+    gain. A law whose size has an uncertainty of its own is an :class:`Assumption`.
     """
     laws = [item for item in tests if item.meaning is Meaning.LAW and item not in left]
-    stated = [item for item in laws if item.candidate is not None and item.candidate.u < math.inf]
-    steps = [_open_step(item.score, item.candidate.u) for item in stated if item.candidate]
-    others = [item for item in laws if item not in stated]
-    best = max(others, key=lambda item: item.worth, default=None)
-    if best is not None and best.worth > 0.0:
-        steps.append(best.score.shift * best.worth / best.score.gain)
-    return [step for step in steps if np.any(step)]
+    laws = [item for item in laws if item.candidate is None or item.candidate.u == math.inf]
+    best = max(laws, key=lambda item: item.worth, default=None)
+    if best is None or best.worth <= 0.0:
+        return []
+    return [best.score.shift * best.worth / best.score.gain]
 
 
-def _open_step(score: Score, u: float) -> FloatArray:
-    """Return the step (p,) of the root mean square size that the data and its ``u`` leave open."""
-    size, sd = float(score.size[0]), float(score.sd[0])
-    if u == 0.0 or not (math.isfinite(sd) and size):
-        return np.zeros_like(score.shift)
-    share = u**2 / (u**2 + sd**2)
-    return np.asarray(score.shift * (math.hypot(size * share, sd * math.sqrt(share)) / size))
+def _assumptions(tests: Sequence[Tested], left: Sequence[Tested]) -> Iterator[Assumption]:
+    """Yield what has an uncertainty that no file states and is not significant."""
+    for item in tests:
+        u = math.inf if item.candidate is None else item.candidate.u
+        size, sd = item.score.size[0], item.score.sd[0]
+        if item in left or u in (0.0, math.inf) or not (math.isfinite(sd) and size):
+            continue
+        share = u**2 / (u**2 + sd**2)
+        open_size = math.hypot(size * share, sd * math.sqrt(share))
+        name = item.name.removeprefix("another ")
+        yield Assumption(name, u, item.score.shift * (u / size), open_size / u)
 
 
 def _deviance(found: OutputErrorFit) -> float:

@@ -16,16 +16,18 @@ its :class:`Identification`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from rigd.analysis.estimates import Share
 from rigd.analysis.fitting.fit import fit
 from rigd.analysis.fitting.profile import ProfileScan
 from rigd.analysis.output_error.augmented_system import same_with
-from rigd.analysis.output_error.diagnosis import diagnose
+from rigd.analysis.output_error.diagnosis import Assumption, diagnose
 from rigd.analysis.output_error.estimator import (
     NEAR,
     OutputErrorFit,
@@ -149,7 +151,8 @@ class DiagnosedFit(Generic[F]):
 
     ``tests`` are those of agreement. ``shifts`` (p,) each, or the first of them, scaled, are the
     steps of the parameters from what is left unexplained, and from what explains as much as that
-    which was added: they widen the intervals.
+    which was added: they widen the intervals, and so does what the data leave open of the
+    ``assumptions``.
     """
 
     family: F
@@ -157,6 +160,7 @@ class DiagnosedFit(Generic[F]):
     gate: Gate
     tests: tuple[ResidualTest, ...] = ()
     shifts: tuple[FloatArray, ...] = ()
+    assumptions: tuple[Assumption, ...] = ()
 
     @property
     def theta(self) -> FloatArray:
@@ -184,6 +188,20 @@ class DiagnosedFit(Generic[F]):
             for count, shift in zip(counts, self.shifts, strict=True)
         )
         return max(moved, default=0.0)
+
+    def assumed(self, gradient: FloatArray) -> tuple[Share, ...]:
+        """Return what each assumption adds to a quantity if it is 1 u larger.
+
+        ``gradient`` is d(quantity)/d(scaled), of all parameters or of the first of them.
+        """
+        return tuple(
+            Share(item.name, 0.0, item.u, float(gradient @ item.step[: len(gradient)]), item.left)
+            for item in self.assumptions
+        )
+
+    def by_assumptions(self, gradient: FloatArray) -> float:
+        """Return the standard deviation that the assumptions leave; ``gradient`` as above."""
+        return math.hypot(*(share.held for share in self.assumed(gradient)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +258,7 @@ def fitted(family: Family[S]) -> OutputErrorFit:
 def diagnosed(family: F, whole: OutputErrorFit) -> DiagnosedFit[F]:
     """Return ``whole``, a fit of ``family``, diagnosed and judged (steps 2 and 3)."""
     refusal, shifts = family.refusal(whole), list[FloatArray]()
+    assumptions: tuple[Assumption, ...] = ()
     if refusal is None:
         starts = family.starts or (whole.fit.theta[: len(family.system.shared)],)
         with np.errstate(over="ignore", invalid="ignore"):  # far from any motion
@@ -249,11 +268,13 @@ def diagnosed(family: F, whole: OutputErrorFit) -> DiagnosedFit[F]:
         whole = diagnosis.fit
         gate = judge_fit(diagnosis, family.labels, family.period_s)
         shifts += (*(item.score.shift for item in diagnosis.left), *diagnosis.doubts)
+        assumptions = diagnosis.assumptions
     else:
         gate = refusal
     tests = family.agreement(whole, gate)
     gate = family.findings(whole, gate, tests)
-    return DiagnosedFit(family, whole, gate, tests, (*shifts, *family.shifts(whole)))
+    shifts += family.shifts(whole)
+    return DiagnosedFit(family, whole, gate, tests, tuple(shifts), assumptions)
 
 
 def concluded(begun: DiagnosedFit[F]) -> Identification[F]:
@@ -268,7 +289,7 @@ def concluded(begun: DiagnosedFit[F]) -> Identification[F]:
         variants += (family.fit_of_variant(whole, system) for system in family.variants())
     corrected = gate.outcome is FitOutcome.CORRECTED
     return Identification(
-        family, whole, gate, begun.tests, begun.shifts, scans, tuple(variants),
+        family, whole, gate, begun.tests, begun.shifts, begun.assumptions, scans, tuple(variants),
         without_each_trial(whole) if corrected else np.zeros((0, len(whole.fit.theta))),
     )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,10 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 from blind.judge import LUGRE, run, verdict, worst
 from blind.rig import Rig, draw, drive
 from blind.worlds import kinds, world
+
+from rigd.analysis.api import identify
+from rigd.analysis.compare.campaign import of_result
+from rigd.analysis.compare.comparison import compare
 
 KINDS = kinds()
 
@@ -110,15 +115,38 @@ def test_spoilt_encoder_is_rightly_named(
     assert verdict(run(kind, size, seed, tmp_path, LUGRE), KINDS) == words
 
 
+def with_exponent(exponent: float, seed: int = 20) -> Rig:
+    rig = draw(20)
+    rig.true["exponent"], rig.seed, rig.name = exponent, seed, "blind"
+    return rig
+
+
 def test_exponent_not_shown_is_in_the_intervals(tmp_path: Path) -> None:
     """V_s was 2.3 half widths off in silence, mu_s 2.1; of a right rig V_s was 1.5 off."""
-
-    def other_exponent(seed: int) -> Rig:
-        rig = draw(seed)
-        rig.true["exponent"] = 0.45
-        return rig
-
-    found = run("right", 0, 20, tmp_path, replace(LUGRE, draw=other_exponent))
+    study = replace(LUGRE, draw=lambda seed: with_exponent(0.45))
+    found = run("right", 0, 20, tmp_path, study)
     assert found["outcome"] == "fits"
     assert {"V_s", "mu_s"} < set(found["misses"])
     assert worst(found) < 1.0
+
+
+def test_exponent_of_both_campaigns_cancels(tmp_path: Path) -> None:
+    """The difference of V_s was known to 18 %, with an exponent that is 0.45 in both."""
+    campaigns = []
+    for name, exponent, seed in (("before", 0.45, 1), ("after", 0.45, 2), ("other", 0.5, 3)):
+        LUGRE.write(with_exponent(exponent, seed), tmp_path / f"{name}.mcap")
+        campaigns.append(of_result(name, identify(tmp_path / f"{name}.mcap")))
+    alike, apart = (
+        {row.name: row for row in compare([campaigns[0], other]).compared}
+        for other in campaigns[1:]
+    )
+    for name in ("V_s", "mu_s", "mu_s-mu_c"):
+        one = alike[name].estimates["before"]
+        found = alike[name].differences["after"]
+        assert one is not None and one.low is not None and one.high is not None
+        assert found.low < 0.0 < found.high
+        without = math.sqrt(2.0) * math.log(one.high / one.low)
+        assert found.high - found.low < 0.5 * without
+        if apart[name].differs:
+            assert apart[name].rests_on == "exponent of the Stribeck effect"
+    assert apart["V_s"].differs

@@ -323,8 +323,8 @@ def _with_intervals(found: Identification[LateralFamily]) -> LateralIdentificati
     if found.gate.outcome is not FitOutcome.MISFIT:
         ends = intervals(_laws(family, whole), range_of(family.system))
     return LateralIdentification(
-        family, whole, found.gate, found.tests, found.shifts, found.scans, found.variants,
-        found.without, speeds=speeds, cells=cells, ends=ends,
+        family, whole, found.gate, found.tests, found.shifts, found.assumptions, found.scans,
+        found.variants, found.without, speeds=speeds, cells=cells, ends=ends,
     )  # fmt: skip
 
 

@@ -198,7 +198,9 @@ def _reaches(
     """
     first, theta = len(found.system.rig.shared), found.whole.fit.theta
     value, gradient = quantity.value(theta, first), quantity.log_gradient(theta, first)
-    besides = Z_95 * math.hypot(_method(found, quantity), found.by_unexplained(gradient))
+    besides = Z_95 * math.hypot(
+        _method(found, quantity), found.by_unexplained(gradient), found.by_assumptions(gradient)
+    )
     trials = Z_95 * found.by_trials(gradient)
 
     def reach(ratio: float) -> float:
@@ -228,6 +230,7 @@ def _budget(
     shares = {name: math.sqrt(share) for name, share in found.whole.budget(gradient).items()}
     shares["filter of the current"] = _method(found, quantity)
     shares[UNEXPLAINED] = found.by_unexplained(gradient)
+    shares |= {item.constant: abs(item.held) for item in found.assumed(gradient)}
     beyond = (reach / Z_95) ** 2 - sum(share**2 for share in shares.values())
     shares[BEYOND] = math.sqrt(max(beyond, 0.0))
     return sorted(shares.items(), key=lambda item: -item[1])
@@ -270,7 +273,8 @@ def _estimate(found: LateralIdentification, quantity: _Quantity, ends: Ends) -> 
     sd = 0.5 * (down + up) / Z_95 * value
     gradient = quantity.log_gradient(found.whole.fit.theta, first)
     return ParameterEstimate(
-        *labels, low, high, sd, verdict, sentence, shares=found.whole.shares(gradient)
+        *labels, low, high, sd, verdict, sentence,
+        shares=(*found.whole.shares(gradient), *found.assumed(gradient)),
     )  # fmt: skip
 
 

@@ -76,6 +76,7 @@ def derived(found: RigIdentification) -> list[ParameterEstimate]:
     entry = ParameterEstimate(
         HEIGHT.name, HEIGHT.symbol, HEIGHT.unit, HEIGHT.meaning, rise,
         *(ends if known else (None, None)), None, verdict, sentence, "profile",
+        shares=found.shares(HEIGHT) if known else (),
     )  # fmt: skip
     return [entry, _by_covariance(found, TOTAL_DAMPING)]
 

@@ -211,8 +211,9 @@ def with_intervals(begun: RigFit) -> RigIdentification:
     found = concluded(begun)
     system = found.family.system
     whole = RigIdentification(
-        found.family, found.whole, found.gate, found.tests, found.shifts, found.scans,
-        found.variants, found.without, visited=visited_slip(system, found.whole, found.gate),
+        found.family, found.whole, found.gate, found.tests, found.shifts, found.assumptions,
+        found.scans, found.variants, found.without,
+        visited=visited_slip(system, found.whole, found.gate),
         load=system.constants.load_shares, beside=beside(found.scans),
     )  # fmt: skip
     if not whole.scans or effect_shown(whole.scans["ratio"], whole.doubt(HEIGHT)):

@@ -144,7 +144,7 @@ def _curve(found: RigIdentification, data: tuple[Seen, ...]) -> Curve:
     centre = friction(theta, slip)
     moved = [log_g(other[:FRICTION]) - np.log(centre) for other in found.variants]
     method = np.mean(np.square(moved), axis=0) if moved else np.zeros(points)
-    method += np.array([found.unexplained(row[None]) ** 2 for row in gradient(theta)])
+    method += np.array([found.besides(row[None]) ** 2 for row in gradient(theta)])
     besides = Z_95 * np.sqrt(method + found.weight_u**2)
     below, above = (np.hypot(part, besides) for part in found.region(log_g, gradient))
     return Curve(

@@ -97,13 +97,13 @@ class RigIdentification(Identification[Family[RigSystem]]):
         return 0.0 if quantity.name == "V_s" else self.weight_u
 
     def method(self, quantity: Quantity) -> float:
-        """Return what the method leaves open: other filters, and what was not explained.
+        """Return what the method leaves open: other filters, what was not explained or is assumed.
 
         Of the filters it is the root mean square change of the logarithm, of what was not
         explained the largest, and of what varies in the recordings how much it does.
         """
         by_natural = quantity.log_gradient(self.theta[:FRICTION])
-        return math.hypot(self.filters(quantity), self.unexplained(by_natural))
+        return math.hypot(self.filters(quantity), self.besides(by_natural))
 
     def filters(self, quantity: Quantity) -> float:
         """Return the root mean square change of the logarithm with other filters of the current."""
@@ -118,6 +118,12 @@ class RigIdentification(Identification[Family[RigSystem]]):
         shift = self.by_unexplained(self._padded(by_natural[0])[:FRICTION])
         varies = [item for item in self.gate.explanations if item.meaning is Meaning.VARIES]
         return math.hypot(shift, *(abs(item.size) for item in varies))
+
+    def besides(self, by_natural: FloatArray) -> float:
+        """Return what is left unexplained and what is assumed together; (1, 6) as above."""
+        return math.hypot(
+            self.unexplained(by_natural), self.by_assumptions(self._padded(by_natural[0]))
+        )
 
     def ridge(self, quantity: Quantity) -> tuple[float, float]:
         """Return how far the logarithm may be below and above that of the fit; :meth:`region`."""
@@ -171,6 +177,10 @@ class RigIdentification(Identification[Family[RigSystem]]):
             **{name: math.sqrt(share) for name, share in shares.items()},
             "filter of the current": self.filters(quantity),
             UNEXPLAINED: self.unexplained(by_natural),
+            **{
+                share.constant: abs(share.held)
+                for share in self.assumed(self._padded(by_natural[0]))
+            },
             **self._of_the_load(quantity),
         }
 
@@ -178,7 +188,7 @@ class RigIdentification(Identification[Family[RigSystem]]):
         """Return what stated constants add to the logarithm, each if it is 1 u larger."""
         gradient = self._padded(quantity.log_gradient(self.theta[:FRICTION])[0])
         load = [share for share in self.load if share.effect and quantity.name != "V_s"]
-        return (*self.whole.shares(gradient), *load)
+        return (*self.whole.shares(gradient), *self.assumed(gradient), *load)
 
     def owed(self, quantity: Quantity, spread: float) -> str:
         """Return which constant keeps a quantity from being known; empty if none does.
