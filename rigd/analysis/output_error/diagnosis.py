@@ -126,7 +126,7 @@ class Diagnosis:
     @property
     def coloured(self) -> bool:
         """Whether a band of frequencies, or a jump, shows more than noise."""
-        return min(self.band.p_value, self.jump.p_value) < THRESHOLDS.max_p_value_cause
+        return _coloured(self.band, self.jump)
 
 
 def diagnose(
@@ -277,10 +277,12 @@ class _State:
 
     @property
     def wrong(self) -> bool:
-        return (
-            max(self.levels) > EXCESS
-            or min(self.band.p_value, self.jump.p_value) < THRESHOLDS.max_p_value_cause
-        )
+        return max(self.levels) > EXCESS or _coloured(self.band, self.jump)
+
+
+def _coloured(band: LoudBand, jump: Jump) -> bool:
+    """Return whether one of two tests, which share a level, shows more than noise (Bonferroni)."""
+    return 2.0 * min(band.p_value, jump.p_value) < THRESHOLDS.max_p_value_cause
 
 
 def _state(found: OutputErrorFit, white: Sequence[FloatArray], period_s: float) -> _State:

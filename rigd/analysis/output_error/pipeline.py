@@ -46,7 +46,7 @@ from rigd.analysis.result import FitOutcome, FloatArray, Gate, ResidualTest, Tri
 MOST_BETTER = 3  #: times that profiles may find a better fit
 VARIANT_ITERATIONS = 3  #: of the fit of a variant; its optimum is near
 #: The tests of a diagnosis, each with a chance of a false alarm of its own.
-DIAGNOSED = ("causes of a misfit", "a loud band of frequencies", "a jump")
+DIAGNOSED = ("causes of a misfit", "a loud band of frequencies or a jump")
 
 S = TypeVar("S", bound=System)
 

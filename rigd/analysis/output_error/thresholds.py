@@ -43,7 +43,7 @@ class OutputErrorThresholds:
     min_own_share: float = 1e-9
 
     # -- What explains a misfit (:mod:`.diagnosis`) --
-    #: Of one false alarm in the tests of all candidates together; of that of a band, of a jump.
+    #: Of one false alarm in the tests of all candidates together; of that of a band or a jump.
     max_p_value_cause: float = 0.005
     #: Less what chance gains, below which no constant is left to the data.
     min_gain_constant: float = 20.0

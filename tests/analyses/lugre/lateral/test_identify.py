@@ -49,8 +49,8 @@ def test_intervals_hold_the_truth(lateral: LateralResult) -> None:
 
 
 def test_tests_of_the_coupling_are_in_the_budget(lateral: LateralResult) -> None:
-    assert lateral.alarms["constants of the coupling"] == 0.02
-    assert lateral.false_alarm == pytest.approx(0.035)
+    assert lateral.alarms["constants of the coupling"] == 0.019
+    assert lateral.false_alarm == pytest.approx(0.029)
 
 
 def test_friction_curve_holds_the_truth(lateral: LateralResult) -> None:
