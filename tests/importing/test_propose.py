@@ -125,6 +125,26 @@ def write_npy(path: Path) -> None:
     np.save(path, rows)
 
 
+def write_lvm(path: Path) -> None:
+    """As LabVIEW writes a measurement file: two heads, a comment in the first row."""
+    head = [
+        "LabVIEW Measurement\t", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab",
+        "Decimal_Separator\t.", "Multi_Headings\tNo", "X_Columns\tOne", "Time_Pref\tRelative",
+        "Operator\tme", "Date\t2016/03/04", "Time\t10:00:00.0000000", "***End_of_Header***\t", "",
+        "Channels\t1\t\t", "Samples\t500\t\t", "Date\t2016/03/04\t\t",
+        "Time\t10:00:00.0000000\t\t", "Y_Unit_Label\tKilonewton\t\t", "X_Dimension\tTime\t\t",
+        "X0\t0.0000000000000000E+0\t\t", "Delta_X\t0.001000\t\t", "***End_of_Header***\t\t",
+        "X_Value\tForce\tComment",
+    ]  # fmt: skip
+    rows = [f"{t:.6f}\t{f!r}" for t, f in zip(TIMES_S.tolist(), FORCE.tolist(), strict=True)]
+    rows[0] += "\tbegin"
+    path.write_text("\n".join([*head, *rows]) + "\n")
+
+
+def read_lvm(path: Path) -> Numbers:
+    return as_pandas(path, sep="\t", skiprows=22, usecols=[0, 1])
+
+
 #: File -> what writes it, what reads it, and the units that it does not state.
 KINDS: dict[str, tuple[Callable[[Path], object], Callable[[Path], Numbers], dict[str, str]]] = {
     "comma.csv": (lambda p: TABLE.to_csv(p, index=False), as_pandas, {}),
@@ -144,6 +164,7 @@ KINDS: dict[str, tuple[Callable[[Path], object], Callable[[Path], Numbers], dict
         lambda p: TABLE.to_csv(p, index=False, encoding="utf-16"),
         lambda p: as_pandas(p, encoding="utf-16"), {},
     ),
+    "a.lvm": (write_lvm, read_lvm, {"X_Value": "s", "Force": "kN"}),
     "a.parquet": (
         lambda p: TABLE.to_parquet(p), read_parquet, {}
     ),

@@ -18,6 +18,7 @@ _ENDINGS: Final[dict[str, Format]] = {
     ".dat": "csv",
     ".asc": "csv",
     ".tsv": "csv",
+    ".lvm": "csv",
     ".parquet": "parquet",
     ".pq": "parquet",
     ".h5": "hdf5",
