@@ -141,11 +141,11 @@ def test_exponent_of_both_campaigns_cancels(tmp_path: Path) -> None:
         for other in campaigns[1:]
     )
     for name in ("V_s", "mu_s", "mu_s-mu_c"):
-        one = alike[name].estimates["before"]
+        alone = alike[name].estimates["before"]
         found = alike[name].differences["after"]
-        assert one is not None and one.low is not None and one.high is not None
+        assert alone is not None and alone.low is not None and alone.high is not None
         assert found.low < 0.0 < found.high
-        without = math.sqrt(2.0) * math.log(one.high / one.low)
+        without = math.sqrt(2.0) * math.log(alone.high / alone.low)
         assert found.high - found.low < 0.5 * without
         if apart[name].differs:
             assert apart[name].rests_on == "exponent of the Stribeck effect"
