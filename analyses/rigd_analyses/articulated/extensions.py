@@ -7,24 +7,22 @@ simulation of each trial, a lane for each thing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from rigd.analysis.output_error.score import Columns
 from rigd.analysis.output_error.structure import (
     ANY,
     POSITIVE,
-    Context,
-    ErrorSource,
     Suspect,
     dependences,
 )
 from rigd.analysis.result import FloatArray, Meaning
 from rigd_analyses.articulated.kernel import DISTURBED, LANES
+from rigd_analyses.articulated.suspects import FittedMotion, lane, off, turned
 from rigd_analyses.articulated.system import SHARED, RobotSystem, Run
 
 RUBBING_RAD_S: Final = 0.02  #: rate of the hinge over which its friction changes its sign
@@ -72,42 +70,17 @@ ACTING: Final = (
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class Moved(FittedMotion[RobotSystem, Run]):
     """A fitted motion and how things that the model does not have would change it."""
-
-    system: RobotSystem
-    theta: FloatArray
-
-    @property
-    def shared(self) -> FloatArray:
-        """Return the shared parameters (p,)."""
-        return self.theta[: len(SHARED)]
-
-    def local(self, trial: int) -> FloatArray:
-        """Return the local parameters of one trial."""
-        width = len(self.system.local)
-        first = len(SHARED) + width * trial
-        return np.asarray(self.theta[first : first + width])
 
     @cached_property
     def named(self) -> dict[str, float]:
         """Return the shared parameters by name."""
         return dict(zip(SHARED, self.shared.tolist(), strict=True))
 
-    @cached_property
-    def runs(self) -> list[Run]:
-        """Return the simulation of each trial."""
-        return [
-            self.system.run(k, self.shared, self.local(k)) for k in range(len(self.system.trials))
-        ]
-
-    def turn(self, trial: int) -> float:
-        """Return the heading in rad, as the camera sees it, at which one trial begins."""
-        return self.system.turn(trial, self.local(trial))
-
-    def seen(self, trial: int, changes: FloatArray) -> FloatArray:
-        """Return the outputs (n, 8, 1) of changes (n, 6) of the simulated poses."""
-        return self.system.seen(trial, changes[:, :, None], self.shared, self.local(trial))
+    def simulated(self, trial: int) -> Run:
+        """Return the simulation of one trial."""
+        return self.system.run(trial, self.shared, self.local(trial))
 
     @cached_property
     def acted(self) -> list[FloatArray]:
@@ -133,21 +106,21 @@ class Moved:
         frames = np.zeros((count, DISTURBED, LANES))
         hinge = run.pose[:, 2] - run.pose[:, 5]
         rate = run.rate[:, 2] - run.rate[:, 5]
-        for lane, moment in ((1, -hinge), (2, -np.tanh(rate / RUBBING_RAD_S))):
-            frames[:, TURN, lane], frames[:, REAR_TURN, lane] = moment, -moment
+        for index, moment in ((1, -hinge), (2, -np.tanh(rate / RUBBING_RAD_S))):
+            frames[:, TURN, index], frames[:, REAR_TURN, index] = moment, -moment
         c, s = np.cos(run.pose[:, 2]), np.sin(run.pose[:, 2])
         forward = run.rate[:, 0] * c + run.rate[:, 1] * s
         frames[:, ALONG, 3] = -forward * np.abs(forward)
         lon, lat = run.forces[:, :4, 0], run.forces[:, :4, 1]
         rear = run.forces[:, 4:, 1]
 
-        def wheels(lane: int, along: FloatArray, across: FloatArray, behind: FloatArray) -> None:
+        def wheels(index: int, along: FloatArray, across: FloatArray, behind: FloatArray) -> None:
             """Add forces of the front wheels (n, 4) and of a wheel of both rear axles (n, 2)."""
-            frames[:, ALONG, lane] = np.sum(along, axis=1)
-            frames[:, ACROSS, lane] = np.sum(across, axis=1)
-            frames[:, TURN, lane] = across @ (d * END) - along @ (b * SIDE)
-            frames[:, REAR_ACROSS, lane] = 2.0 * np.sum(behind, axis=1)
-            frames[:, REAR_TURN, lane] = 2.0 * d * (behind[:, 0] - behind[:, 1])
+            frames[:, ALONG, index] = np.sum(along, axis=1)
+            frames[:, ACROSS, index] = np.sum(across, axis=1)
+            frames[:, TURN, index] = across @ (d * END) - along @ (b * SIDE)
+            frames[:, REAR_ACROSS, index] = 2.0 * np.sum(behind, axis=1)
+            frames[:, REAR_TURN, index] = 2.0 * d * (behind[:, 0] - behind[:, 1])
 
         none, none_behind = np.zeros_like(lon), np.zeros_like(rear)
         wheels(4, lon * np.abs(lon) / named["k_lon"], none, none_behind)
@@ -175,123 +148,32 @@ class Moved:
 def candidates(system: RobotSystem, theta: FloatArray) -> Iterator[Suspect]:
     """Yield what may be wrong, at the parameters ``theta`` (p,) of ``system``."""
     moved = Moved(system, theta)
-    for lane, thing in enumerate(ACTING):
+    for index, thing in enumerate(ACTING):
         yield Suspect(
-            thing.name, thing.unit, _lane(moved, lane), thing.look, special=True,
+            thing.name, thing.unit, lane(lambda: moved.acted, index), thing.look, special=True,
             meaning=thing.meaning, possible=thing.possible,
         )  # fmt: skip
     yield from _markers(moved)
-    yield from dependences(_sources(moved), _contexts(moved))
-
-
-def _lane(moved: Moved, lane: int) -> Callable[[], Columns]:
-    return lambda: [np.ascontiguousarray(part[:, :, lane : lane + 1]) for part in moved.acted]
+    yield from dependences(moved.sources(), moved.contexts(["the hinge's angle"]))
 
 
 def _markers(moved: Moved) -> Iterator[Suspect]:
     """Yield what may be wrong with a marker, the camera's clock or the torques."""
-
-    def shown(respond: Callable[[Run, FloatArray], FloatArray]) -> Callable[[], Columns]:
-        """Return outputs by changes (n, 6) of the poses in the frame of the simulation."""
-        return lambda: [
-            moved.seen(k, respond(run, item.t_s))
-            for k, (run, item) in enumerate(zip(moved.runs, moved.system.trials, strict=True))
-        ]
-
-    def off(column: int, module: int, ahead: bool) -> Callable[[Run, FloatArray], FloatArray]:
-        """Return how a marker moves that is off along or across a module."""
-
-        def respond(run: Run, _: FloatArray) -> FloatArray:
-            out = np.zeros_like(run.pose)
-            c, s = np.cos(run.pose[:, module + 2]), np.sin(run.pose[:, module + 2])
-            out[:, column], out[:, column + 1] = (c, s) if ahead else (-s, c)
-            return out
-
-        return respond
-
-    def turned(column: int) -> Callable[[Run, FloatArray], FloatArray]:
-        def respond(run: Run, _: FloatArray) -> FloatArray:
-            out = np.zeros_like(run.pose)
-            out[:, 2 + column] = 1.0
-            return out
-
-        return respond
-
-    def loaded(*columns: int) -> Callable[[], Columns]:
-        def respond() -> Columns:
-            made = []
-            for k in range(len(moved.system.trials)):
-                # Not the measured ones, whose noise the residuals have too.
-                torques = moved.system.simulate(k, moved.shared, moved.local(k))
-                shown = np.zeros((*torques.shape, 1))
-                shown[:, columns, 0] = torques[:, columns]
-                made.append(shown)
-            return made
-
-        return respond
-
-    for name, columns in (("torques", (0, 1)), ("right torque", (0,))):
-        yield Suspect(
-            f"another scale of the {name}", "1", loaded(*columns), "the torque constants of the "
-            "motors, the losses of the gears", special=True,
-        )  # fmt: skip
-
-    def gained(run: Run, t_s: FloatArray) -> FloatArray:
-        return np.asarray(run.rate * t_s[:, None])
-
-    for module, column in (("front", 0), ("rear", 3)):
+    yield moved.scaled("torques", (0, 1))
+    yield moved.scaled("right torque", (0,))
+    for k, module in enumerate(("front", "rear")):
         for ahead, word in ((True, "ahead of"), (False, "aside of")):
             yield Suspect(
                 f"a {module} marker {word} the centre of its module", "m",
-                shown(off(column, column, ahead)), PLACES[module], special=True,
+                moved.shown(off((k,), k, ahead)), PLACES[module], special=True,
             )  # fmt: skip
         yield Suspect(
-            f"a {module} marker that is turned on its module", "rad", shown(turned(column)),
+            f"a {module} marker that is turned on its module", "rad", moved.shown(turned(k)),
             "how the marker is stuck on", special=True,
         )  # fmt: skip
     for ahead, word in ((True, "ahead of its place on"), (False, "aside of the middle of")):
         yield Suspect(
-            f"a hinge {word} the front module", "m", shown(off(3, 0, ahead)),
+            f"a hinge {word} the front module", "m", moved.shown(off((1,), 0, ahead)),
             "where the hinge is on the front module", special=True,
         )  # fmt: skip
-    yield Suspect(
-        "a clock of the camera that gains", "1", shown(gained), "the clocks of camera and drives",
-        special=True,
-    )  # fmt: skip
-
-
-def _sources(moved: Moved) -> list[ErrorSource]:
-    """Return the readings in which an error may enter."""
-
-    def reading(*columns: int) -> Callable[[int, FloatArray], FloatArray]:
-        def respond(trial: int, signals: FloatArray) -> FloatArray:
-            out = np.zeros((len(signals), 8, signals.shape[1]))
-            for column in columns:
-                out[:, column] = signals
-            return out
-
-        return respond
-
-    return [
-        ErrorSource("an error of the camera along x", "m", reading(2, 5)),
-        ErrorSource("an error of the camera along y", "m", reading(3, 6)),
-        ErrorSource("an error of the headings", "rad", reading(4, 7)),
-        ErrorSource("an error of the torques", "N m", reading(0, 1)),
-    ]
-
-
-def _contexts(moved: Moved) -> list[Context]:
-    """Return what an error may depend on."""
-    trials = moved.system.trials
-    turned = [float(np.sign(np.round(run.pose[-1, 2]))) for run in moved.runs]
-    headings = [run.pose[:, 2] + moved.turn(k) for k, run in enumerate(moved.runs)]
-    return [
-        Context("the time in a trial", [item.t_s for item in trials]),
-        Context("the place along x", [item.poses[:, 0] for item in trials]),
-        Context("the place along y", [item.poses[:, 1] for item in trials]),
-        Context("the heading", headings, round_rad=True),
-        Context("the hinge's angle", [run.pose[:, 2] - run.pose[:, 5] for run in moved.runs]),
-        Context("the sense of turning",
-                [np.full(len(item.poses), sign) for item, sign in zip(trials, turned, strict=True)],
-                groups=True),
-    ]  # fmt: skip
+    yield moved.clock()

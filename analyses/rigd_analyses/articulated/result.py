@@ -32,8 +32,8 @@ from rigd.analysis.result import (
 from rigd_analyses.articulated.checks import silences
 from rigd_analyses.articulated.family import RobotFamily
 from rigd_analyses.articulated.reading import RobotTrial
+from rigd_analyses.articulated.robot import CAMERA
 from rigd_analyses.articulated.system import (
-    CAMERA,
     CONTACTS,
     RATIO,
     SHARED,

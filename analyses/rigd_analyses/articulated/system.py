@@ -3,40 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import interp1d
 
 from rigd.analysis.fitting.model import FitParameter, Scaling
 from rigd.analysis.output_error.innovations import Deviations
 from rigd.analysis.output_error.system import Output, Unknown
 from rigd.analysis.result import FloatArray
-from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, W0, simulate
+from rigd_analyses.articulated.kernel import DISTURBED, LANES, NAMES, simulate
 from rigd_analyses.articulated.needs import POSES, TORQUES
-from rigd_analyses.articulated.reading import LATEST_S, TORQUE_FRAMES, RobotTrial, noise_of_seen
+from rigd_analyses.articulated.reading import LATEST_S, TORQUE_FRAMES
+from rigd_analyses.articulated.robot import CAMERA, RecordedRobot, finer, means
 
 RATIO: Final = "mu_s / mu_d"  #: is fitted in place of mu_s, at 1 or above
 CONTACTS: Final = ("k_lon", "k_lat", "k_roll", "mu_d", RATIO)
 #: Constants that the simulation takes; then shared parameters outside of it.
 CONSTANTS: Final = tuple(name for name in NAMES[3:] if name not in ("hinge", "mu_s", "mu_d"))
-CAMERA: Final = ("scale_x", "scale_y", "latency")
 SHARED: Final = (*CONTACTS, *CONSTANTS, *CAMERA)
 LOCAL: Final = ("x", "y", "heading", "hinge", "rotor_inertia")
 INERTIA: Final = LOCAL.index("rotor_inertia")
 LEAST_U: Final = 1e-5  #: relative: no constant is known better than this
 FAR: Final = 4.0  #: a constant may move by this factor
-#: Times the noise: what a frame counts for whose torque is none. Most are so, and few count.
-NO_TORQUE: Final = 1e8
-#: Share of the rotors' inertia by which what is missed of a torque may differ within a trial: that
-#: of a step differs from that of a ramp by 0.13.
-MISSED: Final = 0.15
-TURNING: Final = 2.0  #: times W0 from which a wheel turns: its rolling resistance is then all there
-FLOOR: Final = np.array([1e-7, 1e-7, *[1e-6] * 6])  #: N m, m and rad; no sensor is better
 UNITS: Final = {
     **{"k_lon": "N s/m", "k_lat": "N s/m", "k_roll": "m", "wheel_radius": "m", "half_track": "m"},
     **{"half_wheelbase": "m", "hinge_distance": "m", "body_mass": "kg", "wheel_mass": "kg"},
@@ -69,16 +61,14 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class RobotSystem:
+class RobotSystem(RecordedRobot):
     """The trials; a :class:`rigd.analysis.output_error.system.System`.
 
-    ``constants`` are values with standard uncertainties, in SI, by name. With a ``width`` contacts
-    let go over (1 +- width) mu_s times their load, not at once: without derivatives. Contacts that
-    are ``known`` have a value and a relative standard uncertainty, as constants do.
+    With a ``width`` contacts let go over (1 +- width) mu_s times their load, not at once: without
+    derivatives. Contacts that are ``known`` have a value and a relative standard uncertainty, as
+    constants do.
     """
 
-    trials: tuple[RobotTrial, ...]
-    constants: Mapping[str, tuple[float, float]]
     gear_ratio: float
     width: float = 0.0
     known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -91,17 +81,12 @@ class RobotSystem:
     @cached_property
     def local(self) -> tuple[Unknown, ...]:
         """Return by how much each trial begins off where its first frames show the robot."""
-        units = ("m", "m", "rad", "rad")
-        placed = tuple(
-            Unknown(FitParameter(name, unit, -0.3, 0.3, 0.0, Scaling.LINEAR))
-            for name, unit in zip(LOCAL[:INERTIA], units, strict=True)
-        )
-        # Torque is sampled between setpoints, when part of what a ramp asks for has passed.
-        stated = self.constants["rotor_inertia"][0]
-        at = FitParameter(
-            "rotor_inertia", "kg m^2", -9 * stated, 11 * stated, stated, Scaling.LINEAR
-        )
-        return (*placed, Unknown(at))
+        return self.begin(("hinge",))
+
+    @property
+    def ratios(self) -> FloatArray:
+        """Return the gear ratio of both motors, (2,)."""
+        return np.full(2, self.gear_ratio)
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -109,11 +94,6 @@ class RobotSystem:
         named = {name: "N m" for name in TORQUES}
         named |= {name: "rad" if name.endswith("heading") else "m" for name in POSES}
         return tuple(Output(name.replace("_", " "), unit) for name, unit in named.items())
-
-    @cached_property
-    def measured(self) -> tuple[FloatArray, ...]:
-        """Return the measured outputs of each trial, (n, 8)."""
-        return tuple(np.column_stack([item.torques, item.poses]) for item in self.trials)
 
     def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the outputs (n, 8) of one trial."""
@@ -134,92 +114,27 @@ class RobotSystem:
         by_static = lanes[:, :, NAMES.index("mu_s")]
         out[:, :, SHARED.index("mu_d")] += found[RATIO] * by_static
         out[:, :, SHARED.index(RATIO)] = found["mu_d"] * by_static
-        gained = self._gained(trial) / self.gear_ratio
-        out[:, :2, SHARED.index("wheel_inertia")] += 2.0 * gained
-        placed, turn, stretch = self._placed(trial, run, shared, local)
-        rates = self._turned(run.rate[:, :, None], turn, stretch)[:, :, 0]
-        out[:, 2:, SHARED.index("latency")] = -rates
+        gained = self.gained(trial)
+        out[:, :2, SHARED.index("wheel_inertia")] += 2.0 * (gained / self.gear_ratio)
+        self.linearise_camera(trial, run.pose, run.rate, shared, local, out)
         first = len(SHARED)
-        for j, column in enumerate((2, 3)):
-            scale = SHARED.index(CAMERA[j])
-            for k in (0, 3):
-                out[:, column + k, scale] = placed[:, j + k] / stretch[j]
-                out[:, column + k, first + j] = 1.0
-        for k in (0, 3):
-            out[:, 2 + k, first + 2] = -placed[:, 1 + k] * stretch[0] / stretch[1]
-            out[:, 3 + k, first + 2] = placed[:, k] * stretch[1] / stretch[0]
-            out[:, 4 + k, first + 2] = 1.0
         out[:, :, first + 3] = lanes[:, :, NAMES.index("hinge")]
-        out[:, :2, first + INERTIA] = self.gear_ratio * self._gained(trial)
+        out[:, :2, first + INERTIA] = self.gear_ratio * gained
         return outputs, out
-
-    def of(self, trials: Sequence[int]) -> RobotSystem:
-        """Return the system of some of the trials."""
-        return replace(self, trials=tuple(self.trials[k] for k in trials))
 
     def share(self, trial: int, shared: FloatArray) -> float:
         """Return the largest force of a contact of one trial, without sliding, over its load."""
         run = self.run(trial, shared, np.zeros(len(LOCAL)))
         return float(np.max(run.share))
 
-    def torque_counts(self, trial: int) -> NDArray[np.bool_]:
-        """Return at which frames (n,) of one trial a torque counts.
-
-        Its mean shares no sample with another, and the wheels turn all the while: the torque of one
-        that stands may be any up to its rolling resistance.
-        """
-        item = self.trials[trial]
-        turns = np.min(np.abs(item.speeds), axis=1) > TURNING * W0 * self.gear_ratio
-        stood = np.append(0, np.cumsum(~turns))[item.at]
-        counts = item.torque_seen
-        counts[TORQUE_FRAMES:] &= stood[TORQUE_FRAMES:] == stood[:-TORQUE_FRAMES]
-        return counts
-
     def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
-        """Return how noise of the motor speeds and of the sensors moves the outputs of one trial.
-
-        Noise of the wheels' speeds turns the robot a little off its course, and what follows turns
-        about where it is then: three states, heading and place. It also moves it along. Both act in
-        turn, each on every other frame, with twice the variance.
-        """
-        item = self.trials[trial]
-        count = len(item.poses)
-        found = dict(zip(SHARED, shared, strict=True))
-        wheel = item.speed_noise / self.gear_ratio
-        forward = np.tile(np.eye(3), (count, 1, 1))
-        centre = 0.5 * (item.poses[:, :2] + item.poses[:, 3:5])
-        way = np.diff(centre, axis=0, append=centre[-1:])
-        forward[:, 1, 0], forward[:, 2, 0] = -way[:, 1], way[:, 0]
-        driven = np.zeros((count, 3))
-        moved = found["wheel_radius"] * wheel * item.period_s
-        driven[::2, 0] = moved / found["half_track"]
-        heading = item.poses[1::2, 2]
-        driven[1::2, 1:] = moved * np.column_stack([np.cos(heading), np.sin(heading)])
-        seen = np.zeros((count, 8, 3))
-        seen[:, 4, 0] = seen[:, 7, 0] = 1.0
-        seen[:, 2, 1] = seen[:, 5, 1] = seen[:, 3, 2] = seen[:, 6, 2] = 1.0
-        apart = 0.5 * (item.poses[:, :2] - item.poses[:, 3:5])  # a turn moves both markers
-        seen[:, 2, 0], seen[:, 5, 0] = -apart[:, 1], apart[:, 1]
-        seen[:, 3, 0], seen[:, 6, 0] = apart[:, 0], -apart[:, 0]
-        variance = np.tile(self._noise**2, (count, 1))
-        missed = MISSED * self.constants["rotor_inertia"][0] * self.gear_ratio * self._gained(trial)
-        variance[:, :2] += missed**2
-        variance[:, :2] *= np.where(self.torque_counts(trial), 1.0, NO_TORQUE**2)[:, None]
-        variance[:, 2:][~item.seen] = np.inf
-        return Deviations(forward, driven, seen, variance, np.zeros(3), np.eye(8))
-
-    @cached_property
-    def _noise(self) -> FloatArray:
-        """Return the standard deviations (8,) of the outputs' noise, which they show themselves."""
-        torque = float(np.median([item.torque_noise for item in self.trials]))
-        poses = [
-            noise_of_seen(
-                [item.poses[:, k] for item in self.trials],
-                [item.seen[:, k] for item in self.trials],
-            )
-            for k in range(6)
-        ]
-        return np.asarray(np.maximum(np.array([torque, torque, *poses]), FLOOR))
+        """Return how noise of speeds and sensors moves the outputs of one trial."""
+        item, found = self.trials[trial], dict(zip(SHARED, shared, strict=True))
+        moved = found["wheel_radius"] * (item.speed_noise / self.gear_ratio) * item.period_s
+        apart = 0.5 * (item.poses[:, :2] - item.poses[:, 3:5])
+        return self.course(
+            trial, moved / found["half_track"], moved, 0, np.hstack([apart, -apart]), np.zeros(2)
+        )
 
     def _unknown(self, name: str) -> Unknown:
         if name in FREE:
@@ -264,66 +179,17 @@ class RobotSystem:
         out[:, :2] = self.mean_torque(trial, run.by_torque) / self.gear_ratio
         return out
 
-    def seen(
-        self, trial: int, changes: FloatArray, shared: FloatArray, local: FloatArray
-    ) -> FloatArray:
-        """Return the outputs (n, 8, c) of changes (n, 6, c) of the simulated poses."""
-        stretch = self._stretch(shared)
-        out = np.zeros((len(changes), 8, changes.shape[2]))
-        out[:, 2:] = self._turned(changes, self.turn(trial, local), stretch)
-        return out
-
-    def turn(self, trial: int, local: FloatArray) -> float:
-        """Return the heading in rad at the begin of one trial, in the frame of the camera."""
-        return float(self.trials[trial].standing[2] + local[LOCAL.index("heading")])
-
     def _outputs(self, trial: int, run: Run, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the outputs (n, 8) of a simulation."""
         found = dict(zip(SHARED, shared, strict=True))
         inertia = 2.0 * found["wheel_inertia"] + self.gear_ratio**2 * local[INERTIA]
-        torques = self.mean_torque(trial, run.torque) + inertia * self._gained(trial)
-        placed, _, _ = self._placed(trial, run, shared, local)
-        standing = self.trials[trial].standing
-        placed[:, [0, 3]] += standing[0] + local[0]
-        placed[:, [1, 4]] += standing[1] + local[1]
-        return np.column_stack([torques / self.gear_ratio, placed])
+        torques = self.mean_torque(trial, run.torque) + inertia * self.gained(trial)
+        poses = self.shown(trial, run.pose, shared, local)
+        return np.column_stack([torques / self.gear_ratio, poses])
 
     def mean_torque(self, trial: int, integrals: FloatArray) -> FloatArray:
         """Return the means over TORQUE_FRAMES before each frame of what ``integrals`` are of."""
-        out = np.zeros_like(integrals)
-        means = integrals[TORQUE_FRAMES:] - integrals[:-TORQUE_FRAMES]
-        out[TORQUE_FRAMES:] = means / (TORQUE_FRAMES * self.trials[trial].period_s)
-        return out
-
-    def _gained(self, trial: int) -> FloatArray:
-        """Return the mean accelerations (n, 2) of the wheels over TORQUE_FRAMES."""
-        item = self.trials[trial]
-        return self.mean_torque(trial, item.speeds[item.at] / self.gear_ratio)
-
-    def _placed(
-        self, trial: int, run: Run, shared: FloatArray, local: FloatArray
-    ) -> tuple[FloatArray, float, tuple[float, float]]:
-        """Return the poses (n, 6) from the start, the heading there, and both scales."""
-        turn, stretch = self.turn(trial, local), self._stretch(shared)
-        placed = self._turned(run.pose[:, :, None], turn, stretch)[:, :, 0]
-        placed[:, [2, 5]] += turn
-        return placed, turn, stretch
-
-    @staticmethod
-    def _stretch(shared: FloatArray) -> tuple[float, float]:
-        """Return both scales of the camera."""
-        x, y = (1.0 + float(shared[SHARED.index(name)]) for name in ("scale_x", "scale_y"))
-        return x, y
-
-    @staticmethod
-    def _turned(poses: FloatArray, turn: float, stretch: tuple[float, float]) -> FloatArray:
-        """Return changes of poses (n, 6, c) as the camera sees them."""
-        c, s = math.cos(turn), math.sin(turn)
-        out = poses.copy()
-        for k in (0, 3):
-            out[:, k] = stretch[0] * (c * poses[:, k] - s * poses[:, k + 1])
-            out[:, k + 1] = stretch[1] * (s * poses[:, k] + c * poses[:, k + 1])
-        return out
+        return means(integrals, TORQUE_FRAMES * self.trials[trial].period_s)
 
 
 def fastest(found: Mapping[str, float]) -> float:
@@ -333,14 +199,3 @@ def fastest(found: Mapping[str, float]) -> float:
     inertia = found["body_inertia"] + 4.0 * found["wheel_mass"] * (b * b + d * d)
     turning = (found["k_lon"] * b * b + found["k_lat"] * d * d) / inertia
     return 4.0 * max(found["k_lon"] / mass, found["k_lat"] / mass, turning)
-
-
-def finer(
-    grid: FloatArray, at: NDArray[np.int64], longest_s: float
-) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return ``grid`` (n,) in s without steps above ``longest_s``, and where ``at`` is in it."""
-    each = np.ceil(np.diff(grid) / longest_s - 1e-6).astype(np.int64)
-    if np.all(each <= 1):
-        return grid, at
-    first = np.append(0, np.cumsum(each))
-    return np.interp(np.arange(first[-1] + 1), first, grid), first[at]

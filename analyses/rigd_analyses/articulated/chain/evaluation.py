@@ -79,7 +79,7 @@ def chain_system(
     gears = [
         positive_constant(trials, layout.key(motor.module, "gear_ratio")) for motor in layout.motors
     ]
-    return ChainSystem(arrays, layout, constants, np.array(gears), contacts or {})
+    return ChainSystem(arrays, constants, layout, np.array(gears), contacts or {})
 
 
 def checked(system: ChainSystem) -> tuple[ChainSystem, tuple[TrialRejection, ...]]:

@@ -27,10 +27,10 @@ from rigd.analysis.result import (
     Verdict,
 )
 from rigd_analyses.articulated.chain.family import ChainFamily
+from rigd_analyses.articulated.chain.geometry import RAW
 from rigd_analyses.articulated.chain.needs import KINDS
 from rigd_analyses.articulated.chain.suspects import Fitted
 from rigd_analyses.articulated.chain.system import (
-    RAW,
     UNITS,
     ChainSystem,
     Run,
@@ -51,7 +51,8 @@ from rigd_analyses.articulated.result import (
     radii,
     start_of,
 )
-from rigd_analyses.articulated.system import CAMERA, FREE
+from rigd_analyses.articulated.robot import CAMERA
+from rigd_analyses.articulated.system import FREE
 
 WHEEL_NAMES: Final = ("front right", "front left", "rear right", "rear left")
 NO_SLIDING: Final = (

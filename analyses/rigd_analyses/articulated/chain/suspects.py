@@ -14,20 +14,19 @@ from typing import Final
 
 import numpy as np
 
-from rigd.analysis.output_error.score import Columns
 from rigd.analysis.output_error.structure import (
     ANY,
     POSITIVE,
-    Context,
-    ErrorSource,
     Suspect,
     dependences,
 )
 from rigd.analysis.result import FloatArray, Meaning
+from rigd_analyses.articulated.chain.geometry import RAW, motion
 from rigd_analyses.articulated.chain.kernel import FORCES, HALF_BASE, HALF_TRACK, K_LAT, K_LON
 from rigd_analyses.articulated.chain.layout import SIZES
-from rigd_analyses.articulated.chain.system import RAW, ChainSystem, Run, motion, unit_of
+from rigd_analyses.articulated.chain.system import ChainSystem, Run, unit_of
 from rigd_analyses.articulated.extensions import END, RUBBING_RAD_S, SIDE
+from rigd_analyses.articulated.suspects import FittedMotion, lane, off, turned
 
 ALONG, ACROSS, TURN = range(FORCES)
 SIZE_WORDS: Final = {
@@ -49,36 +48,18 @@ class Acting:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class Fitted(FittedMotion[ChainSystem, Run]):
     """A fitted motion and how things that the model does not have would change it."""
-
-    system: ChainSystem
-    theta: FloatArray
 
     @property
     def modules(self) -> int:
         """Return how many modules there are."""
         return self.system.layout.modules
 
-    @property
-    def shared(self) -> FloatArray:
-        """Return the shared parameters (p,)."""
-        return self.theta[: len(self.system.shared)]
-
-    def local(self, trial: int) -> FloatArray:
-        """Return the local parameters of one trial."""
-        width = len(self.system.local)
-        first = len(self.system.shared) + width * trial
-        return np.asarray(self.theta[first : first + width])
-
-    @cached_property
-    def runs(self) -> list[Run]:
-        """Return the simulation of each trial, with a lane for each raw value."""
-        count = len(self.system.raw(self.shared))
-        return [
-            self.system.run(k, self.shared, self.local(k), np.eye(count))
-            for k in range(len(self.system.trials))
-        ]
+    def simulated(self, trial: int) -> Run:
+        """Return the simulation of one trial, with a lane for each raw value."""
+        directions = np.eye(len(self.system.raw(self.shared)))
+        return self.system.run(trial, self.shared, self.local(trial), directions)
 
     @cached_property
     def by_raw(self) -> list[FloatArray]:
@@ -87,10 +68,6 @@ class Fitted:
             self.system.outputs_of(k, run, self.shared, self.local(k))
             for k, run in enumerate(self.runs)
         ]
-
-    def seen(self, trial: int, changes: FloatArray) -> FloatArray:
-        """Return the outputs of changes (n, 3 modules) of the simulated poses, (n, m, 1)."""
-        return self.system.seen(trial, changes[:, :, None], self.shared, self.local(trial))
 
     @cached_property
     def acting(self) -> tuple[Acting, ...]:
@@ -113,19 +90,18 @@ class Fitted:
 def candidates(system: ChainSystem, theta: FloatArray) -> Iterator[Suspect]:
     """Yield what may be wrong, at the parameters ``theta`` (p,) of ``system``."""
     at = Fitted(system, theta)
-    for lane, thing in enumerate(at.acting):
+    for index, thing in enumerate(at.acting):
         yield Suspect(
-            thing.name, thing.unit, _lane(lambda: at.acted, lane), thing.look, special=True,
+            thing.name, thing.unit, lane(lambda: at.acted, index), thing.look, special=True,
             meaning=thing.meaning, possible=thing.possible,
         )  # fmt: skip
     yield from _sizes(at)
     yield from _seen(at)
     yield from _torques(at)
-    yield from dependences(_sources(at), _contexts(at))
-
-
-def _lane(parts: Callable[[], list[FloatArray]], lane: int) -> Callable[[], Columns]:
-    return lambda: [np.ascontiguousarray(part[:, :, lane : lane + 1]) for part in parts()]
+    hinges = [
+        f"the angle of the hinge behind the {name} module" for name in system.layout.names[:-1]
+    ]
+    yield from dependences(at.sources(), at.contexts(hinges))
 
 
 def _acting(at: Fitted) -> Iterator[Acting]:
@@ -228,12 +204,12 @@ def _sizes(at: Fitted) -> Iterator[Suspect]:
         for name, key in zip(SIZES, own, strict=True):
             if sum(row.count(key) for row in keys) < 2 or not key:
                 continue
-            lane = len(RAW) * module + RAW.index(name)
+            index = len(RAW) * module + RAW.index(name)
             shown = SIZE_WORDS.get(name, name.replace("_", " "))
             yield Suspect(
                 f"another {shown} of the {system.layout.names[module]} module",
                 unit_of(key),
-                _lane(lambda: at.by_raw, lane),
+                lane(lambda: at.by_raw, index),
                 f"the {shown} of the {system.layout.names[module]} module",
                 special=True,
             )
@@ -241,79 +217,31 @@ def _sizes(at: Fitted) -> Iterator[Suspect]:
 
 def _seen(at: Fitted) -> Iterator[Suspect]:
     """Yield what may be wrong with markers, hinges and the clock of the camera."""
-    names, trials = at.system.layout.names, at.system.trials
-
-    def shown(respond: Callable[[Run, FloatArray], FloatArray]) -> Callable[[], Columns]:
-        """Return outputs by changes (n, 3 modules) of the poses in the frame of the simulation."""
-        return lambda: [
-            at.seen(k, respond(run, item.t_s))
-            for k, (run, item) in enumerate(zip(at.runs, trials, strict=True))
-        ]
-
-    def off(modules: range, on: int, ahead: bool) -> Callable[[Run, FloatArray], FloatArray]:
-        """Return how markers of ``modules`` move that are off along or across module ``on``."""
-
-        def respond(run: Run, _: FloatArray) -> FloatArray:
-            out = np.zeros_like(run.pose)
-            c, s = np.cos(run.pose[:, 3 * on + 2]), np.sin(run.pose[:, 3 * on + 2])
-            for k in modules:
-                out[:, 3 * k], out[:, 3 * k + 1] = (c, s) if ahead else (-s, c)
-            return out
-
-        return respond
-
-    def turned(module: int) -> Callable[[Run, FloatArray], FloatArray]:
-        def respond(run: Run, _: FloatArray) -> FloatArray:
-            out = np.zeros_like(run.pose)
-            out[:, 3 * module + 2] = 1.0
-            return out
-
-        return respond
-
-    def gained(run: Run, t_s: FloatArray) -> FloatArray:
-        return np.asarray(run.rate * t_s[:, None])
-
+    names = at.system.layout.names
     for k, name in enumerate(names):
         for ahead, word in ((True, "ahead of"), (False, "aside of")):
             yield Suspect(
                 f"the marker of the {name} module {word} its centre", "m",
-                shown(off(range(k, k + 1), k, ahead)),
+                at.shown(off(range(k, k + 1), k, ahead)),
                 "where the marker is, the places of the hinges of its module, and its wheels",
                 special=True,
             )  # fmt: skip
         yield Suspect(
-            f"the marker of the {name} module, turned on it", "rad", shown(turned(k)),
+            f"the marker of the {name} module, turned on it", "rad", at.shown(turned(k)),
             "how the marker is stuck on", special=True,
         )  # fmt: skip
         if k + 1 < len(names):
             yield Suspect(
                 f"a hinge aside of the middle of the {name} module", "m",
-                shown(off(range(k + 1, len(names)), k, False)),
+                at.shown(off(range(k + 1, len(names)), k, False)),
                 f"where the hinge behind the {name} module is", special=True,
             )  # fmt: skip
-    yield Suspect(
-        "a clock of the camera that gains", "1", shown(gained), "the clocks of camera and drives",
-        special=True,
-    )  # fmt: skip
+    yield at.clock()
 
 
 def _torques(at: Fitted) -> Iterator[Suspect]:
     """Yield other scales of the torques: of all, of each module, of each motor."""
     layout = at.system.layout
-
-    def loaded(*columns: int) -> Callable[[], Columns]:
-        def respond() -> Columns:
-            made = []
-            for k in range(len(at.system.trials)):
-                # Not the measured ones, whose noise the residuals have too.
-                torques = at.system.simulate(k, at.shared, at.local(k))
-                out = np.zeros((*torques.shape, 1))
-                out[:, columns, 0] = torques[:, columns]
-                made.append(out)
-            return made
-
-        return respond
-
     groups = {"torques": tuple(range(len(layout.motors)))}
     for module in range(layout.modules):
         own = tuple(k for k, item in enumerate(layout.motors) if item.module == module)
@@ -322,57 +250,10 @@ def _torques(at: Fitted) -> Iterator[Suspect]:
         if len(layout.motors) > 1:
             groups |= {f"{motor_name(at.system, k)} torque": (k,) for k in own}
     for name, columns in groups.items():
-        yield Suspect(
-            f"another scale of the {name}", "1", loaded(*columns), "the torque constants of the "
-            "motors, the losses of the gears", special=True,
-        )  # fmt: skip
+        yield at.scaled(name, columns)
 
 
 def motor_name(system: ChainSystem, motor: int) -> str:
     """Return the name of a motor: its module, and which wheels it turns."""
     item = system.layout.motors[motor]
     return f"{system.layout.names[item.module]} module's {item.wheels.replace('_', ' ')}"
-
-
-def _sources(at: Fitted) -> list[ErrorSource]:
-    """Return the readings in which an error may enter."""
-    width, m = len(at.system.outputs), at.system.motors
-
-    def reading(*columns: int) -> Callable[[int, FloatArray], FloatArray]:
-        def respond(trial: int, signals: FloatArray) -> FloatArray:
-            out = np.zeros((len(signals), width, signals.shape[1]))
-            for column in columns:
-                out[:, column] = signals
-            return out
-
-        return respond
-
-    return [
-        ErrorSource("an error of the camera along x", "m", reading(*range(m, width, 3))),
-        ErrorSource("an error of the camera along y", "m", reading(*range(m + 1, width, 3))),
-        ErrorSource("an error of the headings", "rad", reading(*range(m + 2, width, 3))),
-        ErrorSource("an error of the torques", "N m", reading(*range(m))),
-    ]
-
-
-def _contexts(at: Fitted) -> list[Context]:
-    """Return what an error may depend on."""
-    trials, names = at.system.trials, at.system.layout.names
-    turned = [float(np.sign(np.round(run.pose[-1, 2]))) for run in at.runs]
-    headings = [run.pose[:, 2] + at.system.turn(k, at.local(k)) for k, run in enumerate(at.runs)]
-    return [
-        Context("the time in a trial", [item.t_s for item in trials]),
-        Context("the place along x", [item.poses[:, 0] for item in trials]),
-        Context("the place along y", [item.poses[:, 1] for item in trials]),
-        Context("the heading", headings, round_rad=True),
-        *(
-            Context(
-                f"the angle of the hinge behind the {names[k]} module",
-                [run.pose[:, 3 * k + 2] - run.pose[:, 3 * k + 5] for run in at.runs],
-            )
-            for k in range(len(names) - 1)
-        ),
-        Context("the sense of turning",
-                [np.full(len(item.poses), sign) for item, sign in zip(trials, turned, strict=True)],
-                groups=True),
-    ]  # fmt: skip

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
@@ -16,44 +16,33 @@ from rigd.analysis.fitting.model import FitParameter, Scaling
 from rigd.analysis.output_error.innovations import Deviations
 from rigd.analysis.output_error.system import Output, Unknown
 from rigd.analysis.result import FloatArray
+from rigd_analyses.articulated.chain.geometry import (
+    BODY,
+    RAW,
+    WHEEL,
+    derived,
+    fastest,
+    motion,
+    placed,
+)
 from rigd_analyses.articulated.chain.kernel import (
     ADDED,
-    AHEAD,
-    BEHIND,
     FORCES,
     HALF_BASE,
     HALF_TRACK,
-    INERTIA,
     K_LAT,
     K_LON,
-    MASS,
     RADIUS,
     ROLLING,
-    VALUES,
     W0,
     simulate,
 )
 from rigd_analyses.articulated.chain.layout import SIZES, Layout
-from rigd_analyses.articulated.chain.needs import HINGES, KINDS, OF_MODULE, OF_ROBOT
-from rigd_analyses.articulated.reading import TORQUE_FRAMES, RobotTrial, noise_of_seen
-from rigd_analyses.articulated.system import (
-    CAMERA,
-    FAR,
-    FREE,
-    LEAST_U,
-    MISSED,
-    NO_TORQUE,
-    STABLE,
-    TURNING,
-    finer,
-)
+from rigd_analyses.articulated.chain.needs import HINGES, OF_MODULE, OF_ROBOT
+from rigd_analyses.articulated.reading import TORQUE_FRAMES, RobotTrial
+from rigd_analyses.articulated.robot import CAMERA, RecordedRobot, finer, means
+from rigd_analyses.articulated.system import FAR, FREE, LEAST_U, STABLE
 
-#: Raw values of a module: contacts, then sizes; behind those of all modules stands gravity.
-RAW: Final = (*KINDS, *SIZES)
-K_ROLL, RADIUS_AT, TRACK_AT, BASE_AT, AHEAD_AT, BEHIND_AT, BODY, BODY_INERTIA, WHEEL, SPIN = range(
-    2, 12
-)
-LEAST_NOISE: Final = {"N m": 1e-7, "m": 1e-6, "rad": 1e-6}  #: no sensor is better
 LOAD: Final = "gravity"
 #: Of the logarithm, by which the contacts of two modules differ unless the data know it better:
 #: tyres and floors are alike within a factor of e. It keeps the fit where no data lead.
@@ -97,17 +86,14 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class ChainSystem:
+class ChainSystem(RecordedRobot):
     """The trials; a :class:`rigd.analysis.output_error.system.System`.
 
-    ``constants`` are values with standard uncertainties, in SI, by name; ``gears`` (motors,) the
-    ratios. Contacts that are ``known``, by :func:`contact_name`, have a value and a relative
-    standard uncertainty, as constants do.
+    ``gears`` (motors,) are the ratios. Contacts that are ``known``, by :func:`contact_name`, have a
+    value and a relative standard uncertainty, as constants do.
     """
 
-    trials: tuple[RobotTrial, ...]
     layout: Layout
-    constants: Mapping[str, tuple[float, float]]
     gears: FloatArray
     known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -154,26 +140,14 @@ class ChainSystem:
         return tuple(found)
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Return the names of :attr:`shared`."""
-        return tuple(item.parameter.name for item in self.shared)
-
-    @cached_property
     def local(self) -> tuple[Unknown, ...]:
         """Return by how much each trial begins off where its first frames show the robot."""
-        hinges = [f"hinge_{k}" for k in range(1, self.layout.modules)]
-        placed = tuple(
-            Unknown(FitParameter(name, unit, -0.3, 0.3, 0.0, Scaling.LINEAR))
-            for name, unit in (
-                ("x", "m"), ("y", "m"), ("heading", "rad"), *((name, "rad") for name in hinges)
-            )
-        )  # fmt: skip
-        # Torque is sampled between setpoints, when part of what a ramp asks for has passed.
-        stated = self.constants["rotor_inertia"][0]
-        at = FitParameter(
-            "rotor_inertia", "kg m^2", -9 * stated, 11 * stated, stated, Scaling.LINEAR
-        )
-        return (*placed, Unknown(at))
+        return self.begin([f"hinge_{k}" for k in range(1, self.layout.modules)])
+
+    @property
+    def ratios(self) -> FloatArray:
+        """Return the gear ratio of each motor, (motors,)."""
+        return self.gears
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -184,20 +158,6 @@ class ChainSystem:
         return tuple(
             Output(name.replace("_", " "), unit) for name, unit in zip(names, units, strict=True)
         )
-
-    @cached_property
-    def measured(self) -> tuple[FloatArray, ...]:
-        """Return the measured outputs of each trial, (n, motors + 3 modules)."""
-        return tuple(np.column_stack([item.torques, item.poses]) for item in self.trials)
-
-    @property
-    def motors(self) -> int:
-        """Return how many motors there are: the first outputs are their torques."""
-        return len(self.layout.motors)
-
-    def of(self, trials: Sequence[int]) -> ChainSystem:
-        """Return the system of some of the trials."""
-        return replace(self, trials=tuple(self.trials[k] for k in trials))
 
     def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the outputs of one trial, (n, motors + 3 modules)."""
@@ -215,20 +175,8 @@ class ChainSystem:
         out = np.zeros((*outputs.shape, first + len(local)))
         out[:, :, :inside] = lanes[:, :, :inside]
         out[:, :, first + 3 : first + 3 + hinges] = lanes[:, :, inside:]
-        gained, poses, m = self._gained(trial), slice(self.motors, None), self.motors
-        turn, stretch = self.turn(trial, local), self._stretch(shared)
-        out[:, poses, self.names.index("latency")] = -turned(run.rate[:, :, None], turn, stretch)[
-            :, :, 0
-        ]
-        placed = turned(run.pose[:, :, None], turn, stretch)[:, :, 0]
-        scales = [self.names.index(name) for name in CAMERA[:2]]
-        for k in range(m, m + 3 * self.layout.modules, 3):
-            x, y = placed[:, k - m], placed[:, k - m + 1]
-            out[:, k, scales[0]], out[:, k + 1, scales[1]] = x / stretch[0], y / stretch[1]
-            out[:, k, first] = out[:, k + 1, first + 1] = out[:, k + 2, first + 2] = 1.0
-            out[:, k, first + 2] = -y * stretch[0] / stretch[1]
-            out[:, k + 1, first + 2] = x * stretch[1] / stretch[0]
-        out[:, :m, -1] = self.gears * gained
+        self.linearise_camera(trial, run.pose, run.rate, shared, local, out)
+        out[:, : self.motors, -1] = self.gears * self.gained(trial)
         return outputs, out
 
     @property
@@ -314,7 +262,7 @@ class ChainSystem:
         out = self.seen(trial, run.by_pose, shared, local)
         item = self.trials[trial]
         span = TORQUE_FRAMES * item.period_s
-        gained, spun, signs = self._gained(trial), *self._turning(trial)
+        gained, spun, signs = self.gained(trial), *self._turning(trial)
         for k, motor in enumerate(self.layout.motors):
             i, arm = motor.module, 1.0 if motor.side == 0 else -1.0
             v, dv = run.values[i], run.by_values[i]
@@ -330,18 +278,6 @@ class ChainSystem:
             out[:, k] = np.where(self._filled(item)[:, None], motor.count * torque, 0.0)
             out[:, k] /= self.gears[k]
         return out
-
-    def seen(
-        self, trial: int, changes: FloatArray, shared: FloatArray, local: FloatArray
-    ) -> FloatArray:
-        """Return the outputs of changes (n, 3 modules, c) of the simulated poses."""
-        out = np.zeros((len(changes), self.motors + changes.shape[1], changes.shape[2]))
-        out[:, self.motors :] = turned(changes, self.turn(trial, local), self._stretch(shared))
-        return out
-
-    def turn(self, trial: int, local: FloatArray) -> float:
-        """Return the heading in rad at the begin of one trial, in the frame of the camera."""
-        return float(self.trials[trial].standing[2] + local[2])
 
     def loads(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the force of each wheel over its load (n, 4 modules), as no contact slides.
@@ -381,85 +317,35 @@ class ChainSystem:
         rows = raw[:-1].reshape(-1, len(RAW))
         return np.repeat((rows[:, BODY] + 4.0 * rows[:, WHEEL]) * raw[-1] / 4.0, 4)
 
-    def torque_counts(self, trial: int) -> NDArray[np.bool_]:
-        """Return at which frames (n,) of one trial a torque counts.
-
-        Its mean shares no sample with another, and the wheels turn all the while: the torque of one
-        that stands may be any up to its rolling resistance.
-        """
-        item = self.trials[trial]
-        turns = np.min(np.abs(item.speeds) / self.gears, axis=1) > TURNING * W0
-        stood = np.append(0, np.cumsum(~turns))[item.at]
-        counts = item.torque_seen
-        counts[TORQUE_FRAMES:] &= stood[TORQUE_FRAMES:] == stood[:-TORQUE_FRAMES]
-        return counts
-
     def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
         """Return how noise of the motor speeds and of the sensors moves the outputs of one trial.
 
-        Noise of the wheels' speeds turns the robot a little off its course, and what follows turns
-        about where it is then: three states, heading and place. It also moves it along. Both act in
-        turn, each on every other frame, with twice the variance. Several modules that drive share
-        it; what one would do alone, and the others do not let it, is in its torque.
+        Several modules that drive share the noise of the wheels' speeds; what one would do alone,
+        and the others do not let it, is in its torque.
         """
-        item, n, m = self.trials[trial], self.layout.modules, self.motors
-        count, width = len(item.poses), m + 3 * n
-        values, _ = derived(self.raw(shared), np.zeros((self._raw_count, 0)), n)
+        item = self.trials[trial]
+        values, _ = derived(self.raw(shared), np.zeros((self._raw_count, 0)), self.layout.modules)
         drives = sorted({motor.module for motor in self.layout.motors})
         wheel = item.speed_noise / float(np.median(self.gears)) / math.sqrt(len(drives))
-        forward = np.tile(np.eye(3), (count, 1, 1))
-        centre = np.stack([item.poses[:, 0::3].mean(axis=1), item.poses[:, 1::3].mean(axis=1)], 1)
-        way = np.diff(centre, axis=0, append=centre[-1:])
-        forward[:, 1, 0], forward[:, 2, 0] = -way[:, 1], way[:, 0]
-        driven = np.zeros((count, 3))
         first = values[drives[0]]
         moved = first[RADIUS] * wheel * item.period_s
-        driven[::2, 0] = moved / first[HALF_TRACK]
-        heading = item.poses[1::2, 3 * drives[0] + 2]
-        driven[1::2, 1:] = moved * np.column_stack([np.cos(heading), np.sin(heading)])
-        seen = np.zeros((count, width, 3))
-        for k in range(n):
-            at = m + 3 * k
-            seen[:, at + 2, 0] = seen[:, at, 1] = seen[:, at + 1, 2] = 1.0
-            apart = item.poses[:, 3 * k : 3 * k + 2] - centre  # a turn moves all markers
-            seen[:, at, 0], seen[:, at + 1, 0] = -apart[:, 1], apart[:, 0]
-        variance = np.tile(self._noise**2, (count, 1))
-        missed = MISSED * self.constants["rotor_inertia"][0] * self.gears * self._gained(trial)
-        variance[:, :m] += missed**2
-        held = 1.0 - 1.0 / len(drives)
+        centre = np.stack([item.poses[:, 0::3].mean(axis=1), item.poses[:, 1::3].mean(axis=1)], 1)
+        apart = [item.poses[:, k : k + 2] - centre for k in range(0, 3 * self.layout.modules, 3)]
+        alone, held = np.zeros(self.motors), 1.0 - 1.0 / len(drives)
         for k, motor in enumerate(self.layout.motors):
             v = values[motor.module]
             slip = v[RADIUS] * item.speed_noise / self.gears[k] / math.sqrt(TORQUE_FRAMES)
-            variance[:, k] += (
-                held * (motor.count * v[RADIUS] * v[K_LON] * slip / self.gears[k]) ** 2
-            )
-        variance[:, :m] *= np.where(self.torque_counts(trial), 1.0, NO_TORQUE**2)[:, None]
-        variance[:, m:][~item.seen] = np.inf
-        return Deviations(forward, driven, seen, variance, np.zeros(3), np.eye(width))
-
-    @cached_property
-    def _noise(self) -> FloatArray:
-        """Return the standard deviations of the outputs' noise, which they show themselves."""
-        torque = float(np.median([item.torque_noise for item in self.trials]))
-        poses = [
-            noise_of_seen(
-                [item.poses[:, k] for item in self.trials],
-                [item.seen[:, k] for item in self.trials],
-            )
-            for k in range(3 * self.layout.modules)
-        ]
-        least = [LEAST_NOISE[item.unit] for item in self.outputs]
-        return np.asarray(np.maximum([*[torque] * self.motors, *poses], least))
+            alone[k] = held * (motor.count * v[RADIUS] * v[K_LON] * slip / self.gears[k]) ** 2
+        return self.course(
+            trial, moved / first[HALF_TRACK], moved, drives[0], np.hstack(apart), alone
+        )
 
     def _outputs(self, trial: int, run: Run, shared: FloatArray, local: FloatArray) -> FloatArray:
         """Return the outputs of a simulation."""
-        item, period = self.trials[trial], self.trials[trial].period_s
-        turn, stretch = self.turn(trial, local), self._stretch(shared)
-        seen = turned(run.pose[:, :, None], turn, stretch)[:, :, 0]
-        seen[:, 0::3] += item.standing[0] + local[0]
-        seen[:, 1::3] += item.standing[1] + local[1]
-        seen[:, 2::3] += turn
-        gained, spun, signs = self._gained(trial), *self._turning(trial)
+        item = self.trials[trial]
+        period = item.period_s
+        seen = self.shown(trial, run.pose, shared, local)
+        gained, spun, signs = self.gained(trial), *self._turning(trial)
         torques = np.zeros((len(seen), self.motors))
         for k, motor in enumerate(self.layout.motors):
             v, arm = run.values[motor.module], 1.0 if motor.side == 0 else -1.0
@@ -501,111 +387,3 @@ class ChainSystem:
             total = np.vstack([np.zeros((1, part.shape[1])), np.cumsum(areas, axis=0)])
             found.append(means(total[item.at], span))
         return found[0], found[1]
-
-    def _gained(self, trial: int) -> FloatArray:
-        """Return the mean accelerations (n, motors) of the wheels over TORQUE_FRAMES."""
-        item = self.trials[trial]
-        return means(item.speeds[item.at] / self.gears, TORQUE_FRAMES * item.period_s)
-
-    def _stretch(self, shared: FloatArray) -> tuple[float, float]:
-        """Return both scales of the camera."""
-        x, y = (1.0 + float(shared[self.names.index(name)]) for name in CAMERA[:2])
-        return x, y
-
-
-def means(integrals: FloatArray, span_s: float) -> FloatArray:
-    """Return the means over TORQUE_FRAMES before each frame of what ``integrals`` (n, ...) are of.
-
-    The first ones, which have no such frames, are 0.
-    """
-    out = np.zeros_like(integrals)
-    out[TORQUE_FRAMES:] = (integrals[TORQUE_FRAMES:] - integrals[:-TORQUE_FRAMES]) / span_s
-    return out
-
-
-def derived(raw: FloatArray, directions: FloatArray, modules: int) -> tuple[FloatArray, FloatArray]:
-    """Return the values (n, VALUES) of the modules, and their derivatives along ``directions``."""
-    r, dr = raw[:-1].reshape(modules, -1), directions[:-1].reshape(modules, len(RAW), -1)
-    g, dg = raw[-1], directions[-1]
-    v, dv = np.zeros((modules, VALUES)), np.zeros((modules, VALUES, dr.shape[2]))
-    for place, at in (
-        (K_LON, 0), (K_LAT, 1), (RADIUS, RADIUS_AT), (HALF_TRACK, TRACK_AT), (HALF_BASE, BASE_AT),
-        (AHEAD, AHEAD_AT), (BEHIND, BEHIND_AT),
-    ):  # fmt: skip
-        v[:, place], dv[:, place] = r[:, at], dr[:, at]
-    v[:, MASS], dv[:, MASS] = r[:, BODY] + 4.0 * r[:, WHEEL], dr[:, BODY] + 4.0 * dr[:, WHEEL]
-    load, by_load = 0.25 * g * v[:, MASS], 0.25 * (g * dv[:, MASS] + v[:, MASS, None] * dg)
-    k, by_k, radius = r[:, K_ROLL], dr[:, K_ROLL], r[:, RADIUS_AT]
-    v[:, ROLLING] = k * load / radius
-    by = dr[:, RADIUS_AT]
-    dv[:, ROLLING] = (by_k * load[:, None] + k[:, None] * by_load) / radius[:, None]
-    dv[:, ROLLING] -= (v[:, ROLLING] / radius)[:, None] * by
-    track, base, wheel = r[:, TRACK_AT], r[:, BASE_AT], r[:, WHEEL]
-    v[:, INERTIA] = r[:, BODY_INERTIA] + 4.0 * wheel * (track**2 + base**2)
-    dv[:, INERTIA] = dr[:, BODY_INERTIA] + 4.0 * (track**2 + base**2)[:, None] * dr[:, WHEEL]
-    dv[:, INERTIA] += (
-        8.0 * wheel[:, None] * (track[:, None] * dr[:, TRACK_AT] + base[:, None] * dr[:, BASE_AT])
-    )
-    v[:, ADDED] = r[:, SPIN] / radius**2
-    dv[:, ADDED] = dr[:, SPIN] / (radius**2)[:, None] - (2.0 * v[:, ADDED] / radius)[:, None] * by
-    return v, dv
-
-
-def fastest(values: FloatArray) -> float:
-    """Return the rate in 1/s of the fastest motion that contacts which grip give a module."""
-    turning = values[:, K_LON] * values[:, HALF_TRACK] ** 2
-    turning = (turning + values[:, K_LAT] * values[:, HALF_BASE] ** 2) / values[:, INERTIA]
-    along, across = (values[:, at] / values[:, MASS] for at in (K_LON, K_LAT))
-    return 4.0 * float(np.max([turning, along, across]))
-
-
-def placed(
-    values: FloatArray, by_values: FloatArray, pose: FloatArray, rate: FloatArray,
-    by_pose: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """Return poses (f, 3 n), their rates and derivatives (f, 3 n, lanes) of all modules.
-
-    ``pose`` (f, n + 2) are the place of the first one and all headings.
-    """
-    n = len(values)
-    out, pace = np.zeros((len(pose), 3 * n)), np.zeros((len(pose), 3 * n))
-    by = np.zeros((len(pose), 3 * n, by_pose.shape[2]))
-    x, y, vx, vy = pose[:, 0].copy(), pose[:, 1].copy(), rate[:, 0].copy(), rate[:, 1].copy()
-    bx, by_y = by_pose[:, 0].copy(), by_pose[:, 1].copy()
-    for i in range(n):
-        for j, place in ((i - 1, BEHIND), (i, AHEAD)) if i else ():
-            c, s = np.cos(pose[:, 2 + j]), np.sin(pose[:, 2 + j])
-            arm, om = values[j, place], rate[:, 2 + j]
-            x, y, vx, vy = x - arm * c, y - arm * s, vx + arm * s * om, vy - arm * c * om
-            more, turned_by = by_values[j, place], by_pose[:, 2 + j]
-            bx = bx - more * c[:, None] + arm * s[:, None] * turned_by
-            by_y = by_y - more * s[:, None] - arm * c[:, None] * turned_by
-        out[:, 3 * i], out[:, 3 * i + 1], out[:, 3 * i + 2] = x, y, pose[:, 2 + i]
-        pace[:, 3 * i], pace[:, 3 * i + 1], pace[:, 3 * i + 2] = vx, vy, rate[:, 2 + i]
-        by[:, 3 * i], by[:, 3 * i + 1], by[:, 3 * i + 2] = bx, by_y, by_pose[:, 2 + i]
-    return out, pace, by
-
-
-def motion(values: FloatArray, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return speeds along and across (f, n) in m/s, and yaw rates (f, n), of ``states``."""
-    n = len(values)
-    m = n + 2
-    vx, vy = states[:, m].copy(), states[:, m + 1].copy()
-    along, across = np.zeros((len(states), n)), np.zeros((len(states), n))
-    om = states[:, m + 2 : m + 2 + n]
-    for i in range(n):
-        for j, place in ((i - 1, BEHIND), (i, AHEAD)) if i else ():
-            vx = vx + values[j, place] * np.sin(states[:, 2 + j]) * om[:, j]
-            vy = vy - values[j, place] * np.cos(states[:, 2 + j]) * om[:, j]
-        c, s = np.cos(states[:, 2 + i]), np.sin(states[:, 2 + i])
-        along[:, i], across[:, i] = c * vx + s * vy, c * vy - s * vx
-    return along, across, np.asarray(om)
-
-
-def turned(poses: FloatArray, turn: float, stretch: tuple[float, float]) -> FloatArray:
-    """Return changes of poses (n, 3 modules, c) as the camera sees them."""
-    c, s = math.cos(turn), math.sin(turn)
-    x, y, out = poses[:, 0::3], poses[:, 1::3], poses.copy()
-    out[:, 0::3] = stretch[0] * (c * x - s * y)
-    out[:, 1::3] = stretch[1] * (s * x + c * y)
-    return out

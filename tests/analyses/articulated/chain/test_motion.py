@@ -109,7 +109,7 @@ def exact(robot: Chain, trial: Trial) -> tuple[ChainSystem, Array, Array]:
     layout = Layout(len(names), tuple(motors), frozenset(single))
     constants = {name: (value, 0.01 * value) for name, value in {**robot.true, **single}.items()}
     truth = {name: (value, 0.01) for name, value in robot.truth.items()}
-    system = ChainSystem((item,), layout, constants, np.full(len(motors), GEAR), truth)
+    system = ChainSystem((item,), constants, layout, np.full(len(motors), GEAR), truth)
     assert set(truth) == {contact_name(kind, k) for kind, k in layout.contacts}
     shared = np.array([unknown.parameter.start for unknown in system.shared])
     shared[system.names.index("latency")] = 0.0
