@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from rigd.analysis.fitting.uncertainty import correlation
 from rigd.analysis.output_error.augmented_system import own_parameters
 from rigd.analysis.output_error.estimator import OutputErrorFit
 from rigd.analysis.output_error.homogeneity import changes
-from rigd.analysis.output_error.pipeline import Identification
+from rigd.analysis.output_error.pipeline import Family, Identification
 from rigd.analysis.result import (
     Curve,
     FitOutcome,
@@ -32,7 +32,7 @@ from rigd.analysis.result import (
 from rigd_analyses.articulated.checks import silences
 from rigd_analyses.articulated.family import RobotFamily
 from rigd_analyses.articulated.reading import RobotTrial
-from rigd_analyses.articulated.robot import CAMERA
+from rigd_analyses.articulated.robot import CAMERA, RecordedRobot
 from rigd_analyses.articulated.system import (
     CONTACTS,
     RATIO,
@@ -65,43 +65,76 @@ NO_SLIDING: Final = (
     "Not determined by these tests: no contact slides in them; the largest force is {share:.2f} "
     "times the load."
 )
+#: What is said of the evaluation of every robot.
+OF_ALL: Final = (
+    "Torques are means over ten frames of the camera. Frames in which a marker is taken "
+    "for another, or is not seen, do not count.",
+    "Scale and latency of the camera are fitted, and constants within their uncertainties. "
+    "So is the inertia of the rotors in each trial, without its stated value: a torque "
+    "that is sampled between the setpoints of a ramp misses a part that looks like it.",
+)
 FITTED: Final = ("k_lon", "k_lat", "k_roll", "mu_d", "mu_s")
 POINTS: Final = 25
-FRONT_WHEELS: Final = ("front right", "front left", "rear right", "rear left")
+WHEELS: Final = ("front right", "front left", "rear right", "rear left")
 TRANSIENT_S: Final = 3.0  #: of a circle, before its radius is taken
 TURN: Final = 6.0  #: rad: what turns more is a circle
 LJUNG_BOX_LAGS, LAGS = 20, 50
-SHOWN: Final = 2  #: output that is drawn over time: x of the front marker
-PLACE: Final = slice(2, 4)  #: outputs that are drawn in the plane: x and y of the front marker
+F = TypeVar("F", bound=Family[Any])
 
 
 def result(found: Identification[RobotFamily]) -> IdentificationResult:
     """Return the result for a report."""
+    system, fit = found.family.system, found.whole
+    runs = all_runs(system, fit)
+    share = max(float(np.max(run.share)) for run in runs)
+    return stated(
+        found,
+        model="articulated",
+        title="Contacts of the articulated robot",
+        parameters=tuple(_estimate(found, name, share) for name in FITTED),
+        gradients={name: _gradient(name, len(fit.covariance)) for name in FITTED},
+        curve=_curve(found, share),
+        trials=tuple(_trial_fit(system, fit, k, runs[k]) for k in range(len(system.trials))),
+        preprocessing=_account(found, runs),
+        visited=f"contact forces up to {share:.2f} of the load, if none slid",
+        notes=(BY_LAW,) if _is_given(found) else (),
+    )
+
+
+def stated(
+    found: Identification[F], *, model: str, title: str, parameters: tuple[ParameterEstimate, ...],
+    gradients: Mapping[str, FloatArray], curve: Curve, trials: tuple[TrialFit, ...],
+    preprocessing: Preprocessing, visited: str, notes: tuple[str, ...],
+) -> IdentificationResult:  # fmt: skip
+    """Return the result of a robot, of any number of modules, with all that its fit shows.
+
+    ``gradients`` (p,) are d(logarithm)/d(scaled) of the parameters whose correlation is stated, and
+    ``notes`` the warnings of its own.
+    """
     system, fit, gate = found.family.system, found.whole, found.gate
+    shown = system.motors  # x of the first marker
     white = [
-        noise.whiten_errors(error)[:, SHOWN]
+        noise.whiten_errors(error)[:, shown]
         for noise, error in zip(fit.model.noise, fit.errors, strict=True)
     ]
     samples = sum(error.size for error in fit.errors)
-    runs = all_runs(system, fit)
-    share = max(float(np.max(run.share)) for run in runs)
-    by_log = np.array([_gradient(name, len(fit.covariance)) for name in FITTED])
+    by_log = np.array(list(gradients.values()))
     return IdentificationResult(
-        model="articulated",
+        model=model,
         method=METHOD,
-        title="Contacts of the articulated robot",
-        parameters=tuple(_estimate(found, name, share) for name in FITTED),
+        title=title,
+        parameters=parameters,
         derived=(),
         confidence=0.95,
-        correlation_names=FITTED,
+        correlation_names=tuple(gradients),
         correlation=correlation(by_log @ fit.covariance @ by_log.T),
         cost=fit.fit.cost,
         samples=samples,
         effective_samples=float(samples),
         inflation=1.0,
-        starts=(start_of(fit, SHARED),),
-        curve=_curve(found, share),
-        trials=tuple(_trial_fit(system, fit, k, runs[k]) for k in range(len(system.trials))),
+        starts=(start_of(fit, system.names),),
+        curve=curve,
+        trials=trials,
         profiles=(),
         residual_tests=(
             tests.ljung_box(white, LJUNG_BOX_LAGS),
@@ -111,14 +144,14 @@ def result(found: Identification[RobotFamily]) -> IdentificationResult:
         autocorrelation=tests.autocorrelation(
             white, min(LAGS, min(len(item) for item in white) - 1), system.trials[0].period_s
         ),
-        preprocessing=_account(found, runs),
-        visited=f"contact forces up to {share:.2f} of the load, if none slid",
+        preprocessing=preprocessing,
+        visited=visited,
         warnings=(
             *(() if gate.outcome is FitOutcome.FITS else (gate.sentence, *gate.findings[1:])),
             *(() if gate.outcome is FitOutcome.MISFIT else changes(found.tests)),
             *silences(system.trials),
             *camera_scales(fit),
-            *((BY_LAW,) if _is_given(found) else ()),
+            *notes,
         ),
         gate=gate,
         alarms=found.alarms,
@@ -163,13 +196,16 @@ def value_of(fit: OutputErrorFit, name: str) -> float:
 
 def error_of(found: Identification[RobotFamily], name: str) -> float:
     """Return the standard error of the logarithm; infinite if the data hold nothing on it."""
-    fit = found.whole
-    gradient = _gradient(name, len(fit.covariance))
-    moved = found.by_unexplained(gradient[: len(SHARED)])
+    return error_along(found, _gradient(name, len(found.whole.covariance)))
+
+
+def error_along(found: Identification[F], gradient: FloatArray) -> float:
+    """Return the standard error of a logarithm, by its ``gradient``; infinite if nothing shows."""
+    fit, shared = found.whole, len(found.family.system.shared)
+    moved = found.by_unexplained(gradient[:shared])
     variance = float(gradient @ fit.covariance @ gradient)
     chance = max(math.sqrt(max(variance, 0.0)), found.by_trials(gradient))
-    places = np.flatnonzero(gradient)
-    seen = np.all(np.diag(fit.covariance)[places] > 0.0)
+    seen = np.all(np.diag(fit.covariance)[np.flatnonzero(gradient)] > 0.0)
     return math.hypot(chance, moved) if seen and variance > 0.0 else math.inf
 
 
@@ -177,30 +213,43 @@ def _estimate(found: Identification[RobotFamily], name: str, share: float) -> Pa
     fit, gate = found.whole, found.gate
     value, error = value_of(fit, name), error_of(found, name)
     labels = (name, WORDS[name][0], UNITS[name], WORDS[name][1], value)
-    if gate.outcome is FitOutcome.MISFIT:
-        return ParameterEstimate(*labels, None, None, None, Verdict.MISFIT, gate.sentence)
-    if not math.isfinite(error) and name.startswith("mu"):
+    misfit = gate.outcome is FitOutcome.MISFIT
+    if not misfit and not math.isfinite(error) and name.startswith("mu"):
         sentence = NO_SLIDING.format(share=share)
         return ParameterEstimate(
             *labels[:4], math.nan, None, None, None, Verdict.UNIDENTIFIABLE, sentence,
             advice=SLIDING,
         )  # fmt: skip
-    reach = math.exp(min(Z_95 * error, 50.0))
     place = SHARED.index(RATIO if name == "mu_s" else name)
     allowed = fit.model.parameters[SHARED.index("mu_d" if name == "mu_s" else name)]
-    verdict, sentence = judge(
-        Evidence(
-            value, value / reach, value * reach, UNITS[name],
-            bound=value if fit.on_bound[place] else None, allowed=(allowed.low, allowed.high),
-        )
+    return estimated(
+        found, labels, _gradient(name, len(fit.covariance)), (allowed.low, allowed.high),
+        on_bound=bool(fit.on_bound[place]), advice=ADVICE.get(name, SLIDING),
     )  # fmt: skip
+
+
+def estimated(
+    found: Identification[F], labels: tuple[str, str, str, str, float], gradient: FloatArray,
+    allowed: tuple[float, float], *, on_bound: bool, advice: str,
+) -> ParameterEstimate:  # fmt: skip
+    """Return a contact parameter with its interval, or why it has none.
+
+    ``labels`` are name, symbol, unit, meaning and value; ``gradient`` (p,) is d(log)/d(scaled).
+    """
+    gate, value, unit = found.gate, labels[4], labels[2]
+    if gate.outcome is FitOutcome.MISFIT:
+        return ParameterEstimate(*labels, None, None, None, Verdict.MISFIT, gate.sentence)
+    error = error_along(found, gradient)
+    reach = math.exp(min(Z_95 * error, 50.0))
+    bound = value if on_bound else None
+    verdict, sentence = judge(
+        Evidence(value, value / reach, value * reach, unit, bound=bound, allowed=allowed)
+    )
     if verdict not in (Verdict.IDENTIFIABLE, Verdict.WEAK):
-        return ParameterEstimate(
-            *labels, None, None, None, verdict, sentence, advice=ADVICE.get(name, SLIDING)
-        )  # fmt: skip
+        return ParameterEstimate(*labels, None, None, None, verdict, sentence, advice=advice)
     return ParameterEstimate(
         *labels, value / reach, value * reach, value * error, verdict, sentence,
-        shares=fit.shares(_gradient(name, len(fit.covariance))),
+        shares=found.whole.shares(gradient),
     )  # fmt: skip
 
 
@@ -220,48 +269,66 @@ def _curve(found: Identification[RobotFamily], share: float) -> Curve:
     fit = found.whole
     value, error = value_of(fit, "k_lon"), min(error_of(found, "k_lon"), 10.0)
     static = value_of(fit, "mu_s") if math.isfinite(error_of(found, "mu_s")) else math.inf
+    most = min(share, static) * _load(fit) / value
+    return force_curve(found, value, error, most, ", up to the largest force before it slides")
+
+
+def force_curve(
+    found: Identification[F], k_lon: float, error: float, most_m_s: float, note: str
+) -> Curve:
+    """Return the force of a wheel over slip up to ``most_m_s``; no point if the model misfits.
+
+    ``k_lon`` is in N s/m, and ``error`` the standard error of its logarithm.
+    """
     points = POINTS if found.gate.outcome is not FitOutcome.MISFIT else 0
-    slip = np.linspace(0.0, min(share, static) * _load(fit) / value, points)
-    reach = math.exp(Z_95 * error)
+    slip, reach = np.linspace(0.0, most_m_s, points), math.exp(Z_95 * error)
     return Curve(
         name="longitudinal_force", x_name="slip", x_unit="m/s", y_name="force", y_unit="N",
-        x=slip, y=value * slip, low=value * slip / reach, high=value * slip * reach,
-        note="Of one wheel, up to the largest force before it slides. Band: 95 %.",
+        x=slip, y=k_lon * slip, low=k_lon * slip / reach, high=k_lon * slip * reach,
+        note=f"Of one wheel{note}. Band: 95 %.",
     )  # fmt: skip
 
 
 def _trial_fit(system: RobotSystem, fit: OutputErrorFit, index: int, run: Run) -> TrialFit:
-    trial = system.trials[index]
-    measured = system.measured[index]
+    signals = {
+        "right_torque": Signal("N m", system.measured[index][:, 0]),
+        **{
+            f"{name} of the {wheel}": Signal("N", run.forces[:, k, axis])
+            for k, wheel in enumerate(WHEELS)
+            for axis, name in enumerate(("force along", "force across"))
+        },
+        "sliding contacts": Signal("1", np.sum(run.forces[:, :, 2], axis=1)),
+    }
+    return drawn(system, fit, index, "front", signals)
+
+
+def drawn(
+    system: RecordedRobot, fit: OutputErrorFit, index: int, module: str,
+    signals: Mapping[str, Signal],
+) -> TrialFit:  # fmt: skip
+    """Return one trial with ``signals``, drawn as the way of the marker of the first ``module``."""
+    trial, measured, shown = system.trials[index], system.measured[index], system.motors
     fitted: FloatArray = measured + fit.errors[index]
-    used = trial.seen[:, 0]
-    rms, r_squared = tests.goodness(measured[used, SHOWN], fitted[used, SHOWN])
+    used, place = trial.seen[:, 0], slice(shown, shown + 2)
+    rms, r_squared = tests.goodness(measured[used, shown], fitted[used, shown])
     return TrialFit(
         label=trial.label,
         condition="",
         recording=trial.recording,
-        output="x of the front marker",
+        output=f"x of the {module} marker",
         unit="m",
         t_s=trial.t_s,
-        measured=measured[:, SHOWN],
-        fitted=fitted[:, SHOWN],
+        measured=measured[:, shown],
+        fitted=fitted[:, shown],
         used=used,
         rms=rms,
         r_squared=r_squared,
         track=Track(
-            "the front marker",
-            np.where(trial.seen[:, :2], measured[:, PLACE], np.nan),
-            fitted[:, PLACE],
+            f"the {module} marker",
+            np.where(trial.seen[:, :2], measured[:, place], np.nan),
+            fitted[:, place],
         ),
-        signals={
-            "right_torque": Signal("N m", measured[:, 0]),
-            **{
-                f"{name} of the {wheel}": Signal("N", run.forces[:, k, axis])
-                for k, wheel in enumerate(FRONT_WHEELS)
-                for axis, name in enumerate(("force along", "force across"))
-            },
-            "sliding contacts": Signal("1", np.sum(run.forces[:, :, 2], axis=1)),
-        },
+        signals=signals,
     )
 
 
@@ -295,11 +362,7 @@ def _account(found: Identification[RobotFamily], runs: Sequence[Run]) -> Preproc
         statements=(
             "The robot is simulated from the measured speeds of its motors. A contact slides from "
             "μ_s times its load on; the force is then μ_d times it, a third less at once.",
-            "Torques are means over ten frames of the camera. Frames in which a marker is taken "
-            "for another, or is not seen, do not count.",
-            "Scale and latency of the camera are fitted, and constants within their uncertainties. "
-            "So is the inertia of the rotors in each trial, without its stated value: a torque "
-            "that is sampled between the setpoints of a ramp misses a part that looks like it.",
+            *OF_ALL,
             *fitted_values(found.whole, SHARED[len(CONTACTS) :], UNITS.__getitem__),
             *_radii(system, runs),
         ),

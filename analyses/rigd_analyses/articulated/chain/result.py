@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
 
-from rigd.analysis.fitting import residuals as tests
-from rigd.analysis.fitting.identifiability import Z_95, Evidence, judge
-from rigd.analysis.fitting.uncertainty import correlation
 from rigd.analysis.output_error.augmented_system import own_parameters
 from rigd.analysis.output_error.estimator import OutputErrorFit
-from rigd.analysis.output_error.homogeneity import changes
 from rigd.analysis.output_error.pipeline import Identification
 from rigd.analysis.result import (
     Curve,
-    FitOutcome,
     FloatArray,
     IdentificationResult,
     ParameterEstimate,
     Preprocessing,
     Signal,
-    Track,
     TrialFit,
     Verdict,
 )
@@ -37,24 +30,23 @@ from rigd_analyses.articulated.chain.system import (
     contact_name,
     unit_of,
 )
-from rigd_analyses.articulated.checks import silences
 from rigd_analyses.articulated.result import (
     ADVICE,
-    LAGS,
-    LJUNG_BOX_LAGS,
-    METHOD,
-    POINTS,
+    OF_ALL,
+    WHEELS,
     WORDS,
     Circle,
-    camera_scales,
+    drawn,
+    error_along,
+    estimated,
     fitted_values,
+    force_curve,
     radii,
-    start_of,
+    stated,
 )
 from rigd_analyses.articulated.robot import CAMERA
 from rigd_analyses.articulated.system import FREE
 
-WHEEL_NAMES: Final = ("front right", "front left", "rear right", "rear left")
 NO_SLIDING: Final = (
     "Trials in which a contact may slide are left out, so μ_s and μ_d get no number: the analysis "
     "`articulated` gives them, of two modules whose front one drives."
@@ -63,57 +55,25 @@ NO_SLIDING: Final = (
 
 def result(found: Identification[ChainFamily], grip: float) -> IdentificationResult:
     """Return the result for a report; ``grip`` is the share of its load that a contact carries."""
-    system, fit, gate = found.family.system, found.whole, found.gate
-    theta = own_parameters(fit)
-    at, shown = Fitted(system, theta), system.motors  # x of the first marker is drawn
+    system, fit = found.family.system, found.whole
+    at = Fitted(system, own_parameters(fit))
     runs = at.runs
-    white = [
-        noise.whiten_errors(error)[:, shown]
-        for noise, error in zip(fit.model.noise, fit.errors, strict=True)
-    ]
     names = tuple(contact_name(kind, k) for kind, k in system.layout.contacts)
-    by_log = np.array([gradient_of(system, name, len(fit.covariance)) for name in names])
     shares = [
         system.loads(k, at.shared, at.local(k)).max(axis=0) for k in range(len(system.trials))
     ]
     largest = float(np.max(shares))
-    samples = sum(error.size for error in fit.errors)
-    return IdentificationResult(
+    return stated(
+        found,
         model="articulated-chain",
-        method=METHOD,
         title=f"Contacts of the articulated robot of {system.layout.modules} modules",
         parameters=tuple(_estimates(found)),
-        derived=(),
-        confidence=0.95,
-        correlation_names=names,
-        correlation=correlation(by_log @ fit.covariance @ by_log.T),
-        cost=fit.fit.cost,
-        samples=samples,
-        effective_samples=float(samples),
-        inflation=1.0,
-        starts=(start_of(fit, system.names),),
+        gradients={name: gradient_of(system, name, len(fit.covariance)) for name in names},
         curve=_curve(found, largest),
         trials=tuple(_trial_fit(at, fit, k, runs[k]) for k in range(len(system.trials))),
-        profiles=(),
-        residual_tests=(
-            tests.ljung_box(white, LJUNG_BOX_LAGS),
-            tests.outliers(np.concatenate(white)),
-            *found.tests,
-        ),
-        autocorrelation=tests.autocorrelation(
-            white, min(LAGS, min(len(item) for item in white) - 1), system.trials[0].period_s
-        ),
         preprocessing=_account(found, runs, [float(np.max(item)) for item in shares], grip),
         visited=f"contact forces up to {largest:.2f} of the load",
-        warnings=(
-            *(() if gate.outcome is FitOutcome.FITS else (gate.sentence, *gate.findings[1:])),
-            *(() if gate.outcome is FitOutcome.MISFIT else changes(found.tests)),
-            *silences(system.trials),
-            *camera_scales(fit),
-            NO_SLIDING,
-        ),
-        gate=gate,
-        alarms=found.alarms,
+        notes=(NO_SLIDING,),
     )
 
 
@@ -133,16 +93,6 @@ def value_of(system: ChainSystem, fit: OutputErrorFit, name: str) -> float:
     kind, _, number = name.rpartition("_")
     raw = system.raw(fit.fit.theta[: len(system.shared)])
     return float(raw[len(RAW) * (int(number) - 1) + RAW.index(kind)])
-
-
-def error_of(found: Identification[ChainFamily], gradient: FloatArray) -> float:
-    """Return the standard error of a logarithm, by its ``gradient``; infinite if nothing shows."""
-    fit, shared = found.whole, len(found.family.system.shared)
-    moved = found.by_unexplained(gradient[:shared])
-    variance = float(gradient @ fit.covariance @ gradient)
-    chance = max(math.sqrt(max(variance, 0.0)), found.by_trials(gradient))
-    seen = np.all(np.diag(fit.covariance)[np.flatnonzero(gradient)] > 0.0)
-    return math.hypot(chance, moved) if seen and variance > 0.0 else math.inf
 
 
 def _estimates(found: Identification[ChainFamily]) -> list[ParameterEstimate]:
@@ -178,24 +128,8 @@ def _estimate(
     found: Identification[ChainFamily], labels: tuple[str, str, str, str, float],
     gradient: FloatArray, kind: str, on_bound: bool,
 ) -> ParameterEstimate:  # fmt: skip
-    gate, value, error = found.gate, labels[-1], error_of(found, gradient)
-    if gate.outcome is FitOutcome.MISFIT:
-        return ParameterEstimate(*labels, None, None, None, Verdict.MISFIT, gate.sentence)
-    reach, (least, most, _) = math.exp(min(Z_95 * error, 50.0)), FREE[kind]
-    verdict, sentence = judge(
-        Evidence(
-            value, value / reach, value * reach, UNITS[kind],
-            bound=value if on_bound else None, allowed=(least, most),
-        )
-    )  # fmt: skip
-    if verdict not in (Verdict.IDENTIFIABLE, Verdict.WEAK):
-        return ParameterEstimate(
-            *labels, None, None, None, verdict, sentence, advice=ADVICE[kind]
-        )  # fmt: skip
-    return ParameterEstimate(
-        *labels, value / reach, value * reach, value * error, verdict, sentence,
-        shares=found.whole.shares(gradient),
-    )  # fmt: skip
+    least, most, _ = FREE[kind]
+    return estimated(found, labels, gradient, (least, most), on_bound=on_bound, advice=ADVICE[kind])
 
 
 def _curve(found: Identification[ChainFamily], share: float) -> Curve:
@@ -204,49 +138,22 @@ def _curve(found: Identification[ChainFamily], share: float) -> Curve:
     module = system.layout.of_kind("k_lon")[0]
     name = contact_name("k_lon", module)
     value = value_of(system, fit, name)
-    error = min(error_of(found, gradient_of(system, name, len(fit.covariance))), 10.0)
-    points = POINTS if found.gate.outcome is not FitOutcome.MISFIT else 0
+    error = min(error_along(found, gradient_of(system, name, len(fit.covariance))), 10.0)
     load = float(system.wheel_loads(fit.fit.theta[: len(system.shared)])[4 * module])
-    slip = np.linspace(0.0, share * load / value, points)
-    reach = math.exp(Z_95 * error)
-    return Curve(
-        name="longitudinal_force", x_name="slip", x_unit="m/s", y_name="force", y_unit="N",
-        x=slip, y=value * slip, low=value * slip / reach, high=value * slip * reach,
-        note=f"Of one wheel of the {system.layout.names[module]} module. Band: 95 %.",
-    )  # fmt: skip
+    note = f" of the {system.layout.names[module]} module"
+    return force_curve(found, value, error, share * load / value, note)
 
 
 def _trial_fit(at: Fitted, fit: OutputErrorFit, index: int, run: Run) -> TrialFit:
     system = at.system
-    trial, measured, shown = system.trials[index], system.measured[index], system.motors
-    fitted: FloatArray = measured + fit.errors[index]
-    used, name = trial.seen[:, 0], system.layout.names[0]
-    rms, r_squared = tests.goodness(measured[used, shown], fitted[used, shown])
     along, across = system.forces(index, run)
-    return TrialFit(
-        label=trial.label,
-        condition="",
-        recording=trial.recording,
-        output=f"x of the {name} marker",
-        unit="m",
-        t_s=trial.t_s,
-        measured=measured[:, shown],
-        fitted=fitted[:, shown],
-        used=used,
-        rms=rms,
-        r_squared=r_squared,
-        track=Track(
-            f"the {name} marker",
-            np.where(trial.seen[:, :2], measured[:, shown : shown + 2], np.nan),
-            fitted[:, shown : shown + 2],
-        ),
-        signals={
-            f"force {way} of the {wheel}, {module} module": Signal("N", part[:, 4 * k + wheel_at])
-            for k, module in enumerate(system.layout.names)
-            for wheel_at, wheel in enumerate(WHEEL_NAMES)
-            for way, part in (("along", along), ("across", across))
-        },
-    )
+    signals = {
+        f"force {way} of the {wheel}, {module} module": Signal("N", part[:, 4 * k + wheel_at])
+        for k, module in enumerate(system.layout.names)
+        for wheel_at, wheel in enumerate(WHEELS)
+        for way, part in (("along", along), ("across", across))
+    }
+    return drawn(system, fit, index, system.layout.names[0], signals)
 
 
 def _account(
@@ -264,11 +171,7 @@ def _account(
             "is too large: nothing else shows the load.",
             "Contacts of modules count as alike within a factor of e; the data decide by how much "
             "they differ.",
-            "Torques are means over ten frames of the camera. Frames in which a marker is taken "
-            "for another, or is not seen, do not count.",
-            "Scale and latency of the camera are fitted, and constants within their uncertainties. "
-            "So is the inertia of the rotors in each trial, without its stated value: a torque "
-            "that is sampled between the setpoints of a ramp misses a part that looks like it.",
+            *OF_ALL,
             *fitted_values(fit, (*system.sizes, *CAMERA), unit_of),
             *_radii(system, runs, drives[0]),
         ),
